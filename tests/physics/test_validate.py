@@ -168,7 +168,7 @@ CALLS = [
     (attitude.allan_deviation, {"series": SERIES}, {"counts": [1, 2]}),
     (attitude.stability, {"times": SERIES, "series": SERIES[:, None] % 3}),
     (attitude.mean_rotation, {"matrices": np.stack([EYE, EYE])}),
-    (images.fitted_centre, {"corners": np.zeros(2), "radius": 0.6}, {"windows": EYE}),
+    (images.fitted_spots, {"corners": np.zeros(2), "radius": 0.6}, {"windows": EYE}),
     (ground.circular_error, {"covariance": np.eye(2)}),
 ]
 

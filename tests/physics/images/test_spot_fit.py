@@ -6,7 +6,7 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize, minimize_scalar
 
-from reproduce.physics.images import fitted_centre, spot_windows
+from reproduce.physics.images import fitted_spots, spot_windows
 from reproduce.physics.images.spots import _gradient
 
 RADIUS, NOISE = 0.8, 10.0
@@ -79,7 +79,7 @@ def brightened(centre, window):
 @pytest.mark.parametrize("size", [5, 9, 11])
 def test_no_window_is_fitted_worse_than_from_the_brightest_pixel_by_scipy(kind, size):
     windows = scene(kind, size, 60)
-    fit = fitted_centre(windows, [0, 0], RADIUS, read_noise=NOISE)
+    fit = fitted_spots(windows, [0, 0], RADIUS, read_noise=NOISE).centre
     for row, window in enumerate(windows):
         other, value = least(window)
         if np.isnan(fit[row]).any():
@@ -94,28 +94,28 @@ def test_no_window_is_fitted_worse_than_from_the_brightest_pixel_by_scipy(kind, 
 
 def test_a_bad_window_is_named_and_spoils_no_other():
     windows = scene("faint", 7, 5)
-    alone = fitted_centre(windows, [3, 4], RADIUS)
+    alone = fitted_spots(windows, [3, 4], RADIUS).centre
     spoiled = windows.copy()
     spoiled[1], spoiled[2], spoiled[3] = 0.0, -5.0, np.nan
-    fit = fitted_centre(spoiled, [3, 4], RADIUS)
+    fit = fitted_spots(spoiled, [3, 4], RADIUS).centre
     assert np.isnan(fit[1:4]).all()
     assert_allclose(fit[[0, 4]], alone[[0, 4]], rtol=0, atol=1e-9)
 
 
 def test_a_spot_outside_its_window_does_not_count_as_a_fit():
     outside = spot_windows([-3.0, 2.0], 1e4, 1.2, [0, 0], 5)
-    assert np.isnan(fitted_centre(outside, [0, 0], 1.2)).all()
+    assert np.isnan(fitted_spots(outside, [0, 0], 1.2).centre).all()
     window = scene("faint", 7, 1)[0]
-    assert np.isfinite(fitted_centre(window, [0, 0], RADIUS)).all()
+    assert np.isfinite(fitted_spots(window, [0, 0], RADIUS).centre).all()
 
 
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
 def test_pixels_that_are_not_finite_do_not_count(missing):
     """A missing column at the edge is as good as a narrower window."""
     windows = scene("faint", 9, 20)
-    narrow = fitted_centre(windows[..., 1:], [1, 0], RADIUS, NOISE)
+    narrow = fitted_spots(windows[..., 1:], [1, 0], RADIUS, NOISE).centre
     windows[..., 0] = missing
-    found = fitted_centre(windows, [0, 0], RADIUS, NOISE)
+    found = fitted_spots(windows, [0, 0], RADIUS, NOISE).centre
     inside = (found[:, 0] > 1) & (narrow[:, 0] > 1)
     assert inside.sum() > 15
     assert_allclose(found[inside], narrow[inside], rtol=0, atol=1e-6)

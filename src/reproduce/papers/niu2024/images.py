@@ -32,7 +32,7 @@ from reproduce.physics.images import (
     blackbody_band,
     electrons,
     expose,
-    fitted_centre,
+    fitted_spots,
     spot_windows,
     tabulated_star,
     window_corners,
@@ -163,8 +163,8 @@ def compare_images(
         spots = channel_centroids(cameras, angles[None])[:, 0]
         windows, corner = _exposures(spots, photons, trials, generator)
         fused = _combinations(windows, corner, transforms)
-        centres = fitted_centre(fused, corner + _MARGIN_PIXELS, RADIUS, noise)
-        errors.append(centres - spots[0])
+        fitted = fitted_spots(fused, corner + _MARGIN_PIXELS, RADIUS, noise)
+        errors.append(fitted.centre - spots[0])
         signals.append([_signal_to_noise(image) for image in fused])
     misses = np.concatenate(errors, axis=1)  # image, trial, axis
     return (

@@ -17,7 +17,6 @@ from reproduce.physics.images.detector import (
 from reproduce.physics.images.finding import Detections, find_spots, shape_finding
 from reproduce.physics.images.spots import (
     Spots,
-    fitted_centre,
     fitted_spots,
     render_frame,
     spot_windows,

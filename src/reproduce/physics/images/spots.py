@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from reproduce.physics.validate import (
@@ -190,34 +190,6 @@ _MIN_VARIANCE = 1e-3
 _COST_ROUNDING, _DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-13, 1e-3, 1e-9, 1e12
 
 
-def fitted_centre(
-    windows: ArrayLike,
-    corners: ArrayLike,
-    radius: ArrayLike,
-    read_noise: ArrayLike = 0.0,
-) -> FloatArray:
-    """Return the centre of the pixel-integrated Gaussian that fits each window best.
-
-    Same parameters as `fitted_spots`.
-
-    Returns
-    -------
-    ndarray, shape (..., 2)
-        Centres, in px. NaN if a fit did not converge to an optimum inside of the window or less
-        than a pixel outside of it, for example in a dark or flat window.
-
-    Examples
-    --------
-    A spot around the pixel (4, 7), and a dark window.
-
-    >>> spot = np.array([[0, 1, 0], [1, 6, 1], [0, 1, 0.0]])
-    >>> fitted_centre([spot, 0 * spot], (3, 6), 0.6).round(6)
-    array([[ 4.,  7.],
-           [nan, nan]])
-    """
-    return fitted_spots(windows, corners, radius, read_noise).centre
-
-
 @dataclass(frozen=True, eq=False)
 class Spots:
     """Spots fitted to windows, NaN if a fit did not converge.
@@ -245,7 +217,7 @@ def fitted_spots(
     windows: _Windows,
     corners: Point,
     radius: Positive,
-    read_noise: NonNegative,
+    read_noise: NonNegative = 0.0,
 ) -> Spots:
     """Return centre, flux and covariance of the spot that fits each window best.
 
@@ -267,10 +239,19 @@ def fitted_spots(
     Returns
     -------
     Spots
-        Centres in px, fluxes in electrons, and their covariances.
+        Centres in px, fluxes in electrons, and their covariances. NaN if a fit did not converge to
+        an optimum inside of the window or less than a pixel outside of it, for example in a dark or
+        flat window.
 
     Examples
     --------
+    A spot around the pixel (4, 7), and a dark window.
+
+    >>> window = np.array([[0, 1, 0], [1, 6, 1], [0, 1, 0.0]])
+    >>> fitted_spots([window, 0 * window], (3, 6), 0.6).centre.round(6)
+    array([[ 4.,  7.],
+           [nan, nan]])
+
     A spot whose right half is missing is known less well along x.
 
     >>> window = spot_windows([4.0, 4.0], 1000.0, 1.0, [0, 0], 9)
