@@ -98,24 +98,15 @@ def _sufficient(inputs: Inputs) -> FloatArray:
 
 
 def _star_facts(inputs: Inputs) -> dict[str, float]:
-    """Return errors at the edge for the printed number of stars, and sufficient numbers."""
+    """Return sufficient numbers of stars, and the neglected distortion at the edge."""
     count = inputs.count(_COUNT)
-    number = np.array([count])
-    [plain], [free], neglected = _at_edge(inputs, number)
+    [plain], [free], neglected = _at_edge(inputs, np.array([count]))
     left_out = np.hypot(*neglected)
-    errors = np.column_stack(
-        [_edge_errors(inputs, number)[..., 0], _sufficient(inputs)]
-    )
+    names = ("similarity", "distortions")
     return {
-        "all": count,
         "level": 100 * _QUANTILES[2],
         "left-out": left_out,
-        **by_cell(
-            "{}-{}",
-            errors[:, 1:],
-            ("similarity", "distortions"),
-            ("all", "all-high", "enough"),
-        ),
+        **by_cell("{}-enough", _sufficient(inputs), names),
         # Equal mean squares: the one of the similarity includes the neglected distortion.
         "free-from": count * np.trace(free - plain) / left_out**2,
     }
