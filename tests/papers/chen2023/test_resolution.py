@@ -13,11 +13,7 @@ from reproduce.physics.images import (
 from reproduce.printed.inputs import load_inputs
 
 INPUTS = load_inputs(resolution.INPUTS)
-CASES = [
-    *(resolution._Case(width) for width in resolution._WIDTHS.values()),
-    resolution._Case(resolution._WIDTHS["half"], 0.9),
-    resolution._Case(resolution._WIDTHS["half"], 0.9, 1.1),
-]
+WIDTHS = resolution._WIDTHS
 ARCSEC = np.pi / 180 / 3600
 PHASES = np.linspace(-0.49, 0.49, 50)
 
@@ -30,7 +26,7 @@ def content():
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
     positions = np.stack([PHASES, 0 * PHASES], axis=-1)
-    setting = resolution._setting(INPUTS, CASES[0])._replace(positions=positions)
+    setting = resolution._setting(INPUTS)._replace(positions=positions)
     law = resolution._predicted(setting)
     square = (law.bias**2 + law.variance).mean(axis=-1)
     spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
@@ -41,9 +37,9 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
 
 
 def test_saturation_is_the_coarsest_resolution_that_none_finer_beats():
-    assert resolution._saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.01, 3) == 2
-    assert resolution._saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.01, 3) == 2
-    assert resolution._saturation(np.array([3.0, 2.0, 1.0]), 0.01, 3) == 2
+    assert resolution._saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.03) == 2
+    assert resolution._saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.03) == 2
+    assert resolution._saturation(np.array([3.0, 2.0, 1.0]), 0.03) == 2
 
 
 def test_the_optimum_stands_between_window_and_pixel(content):
@@ -56,7 +52,7 @@ def test_the_optimum_stands_between_window_and_pixel(content):
 
 def test_replicated_studies_scatter_as_their_size_says():
     found = resolution._replicated_scatter(
-        INPUTS, np.random.SeedSequence(3), 400, CASES[0]
+        INPUTS, np.random.SeedSequence(3), 400, (1.0,)
     )
     relative = found.std(axis=0) / found.mean(axis=0)
     middle = resolution._resolutions(INPUTS) / ARCSEC
@@ -66,16 +62,18 @@ def test_replicated_studies_scatter_as_their_size_says():
     )
 
 
-def best(case):
+def best(*case, **changes):
     """The optimum in arc seconds and the error there in px, by the closed form."""
-    error = resolution._predicted(resolution._setting(INPUTS, case)).total
+    error = resolution._predicted(resolution._setting(INPUTS, *case, **changes)).total
     return resolution._resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
 
 
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
-    assert [best(case)[0] for case in CASES[:4]] == pytest.approx([57, 42, 49, 31])
-    optimum, error = best(CASES[5])
+    assert [best(width)[0] for width in WIDTHS.values()] == pytest.approx(
+        [57, 42, 49, 31]
+    )
+    optimum, error = best(WIDTHS["half"], 0.9, 1.1)
     assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), (
         "as printed"
     )
@@ -88,7 +86,7 @@ def test_read_noise_and_light_move_the_optimum_to_finer_pixels():
         {"flux_factor": 2.0},
         {"width": 1.2},
     )
-    assert all(best(resolution._Case(**one))[0] < best(CASES[0])[0] for one in changes)
+    assert all(best(**one)[0] < best()[0] for one in changes)
 
 
 def test_the_flux_gives_the_variance_of_table_3():
@@ -97,8 +95,7 @@ def test_the_flux_gives_the_variance_of_table_3():
     corners = np.round(spots).astype(int) - 2
     printed = np.mean((INPUTS.array("chen2023/table-3") / 3) ** 2)
     for fraction in (0.0, 0.5):
-        case = resolution._Case(read_fraction=fraction)
-        setting = resolution._setting(INPUTS, case)
+        setting = resolution._setting(INPUTS, read_fraction=fraction)
         mean = spot_windows(spots, setting.light, 7.5 / 13, corners, 5)
         frames = np.broadcast_to(mean, (20_000, *mean.shape))
         sensor = Detector(read_noise=setting.read_noise)
@@ -111,7 +108,7 @@ def test_the_flux_gives_the_variance_of_table_3():
 def test_each_width_is_the_distance_at_which_the_flux_has_its_level():
     pixel = 13e-6 / 60e-3
     levels = (np.exp(-0.5), np.exp(-1), 0.5, np.exp(-2))
-    for case, level in zip(CASES[:4], levels, strict=True):
-        radii = resolution._setting(INPUTS, case).radii
+    for width, level in zip(WIDTHS.values(), levels, strict=True):
+        radii = resolution._setting(INPUTS, width).radii
         sigma = radii[0, 0] * resolution._resolutions(INPUTS)[0] / pixel
         assert np.exp(-0.5 * (7.5 / (13 * sigma)) ** 2) == pytest.approx(level)

@@ -140,23 +140,15 @@ def optimum(
     Implements: chen2023 (11).
     """
     angles = _resolutions(inputs)
-    case = _Case(_WIDTHS[radius], _READ_FRACTIONS[noise], _FLUX_FACTORS[light])
+    case = _WIDTHS[radius], _READ_FRACTIONS[noise], _FLUX_FACTORS[light]
     scatter = _replicated_scatter(inputs, seed, replicates, case)
     monitoring = attitude_accuracy(scatter, inputs.count(_LASERS), angles)
-    saturation = _saturation(monitoring, _relative_error(inputs), float(threshold))
+    gain = float(threshold) * _relative_error(inputs)
     return {
         "optimum": angles[scatter.argmin(axis=-1)],
         "optimum-accuracy": scatter.min(axis=-1),
-        "saturation": angles[saturation],
+        "saturation": angles[_saturation(monitoring, gain)],
     }
-
-
-class _Case(NamedTuple):
-    """Spot and noise of one reading, by default the literal one."""
-
-    width: float = 1.0
-    read_fraction: float = 0.0
-    flux_factor: float = 1.0
 
 
 class _Setting(NamedTuple):
@@ -192,23 +184,31 @@ def spot_errors(spots: FloatArray, radius: float, size: int) -> list[CentroidErr
     ]
 
 
-def _setting(inputs: Inputs, case: _Case) -> _Setting:
-    """Return the setting of one reading, with the flux for the mean variance of Table III."""
-    sigma, size = inputs[SPOT_RADIUS] / case.width, inputs.count(_WINDOW)
+def _setting(
+    inputs: Inputs,
+    width: float = 1.0,
+    read_fraction: float = 0.0,
+    flux_factor: float = 1.0,
+) -> _Setting:
+    """Return the setting of one reading, by default of the literal one.
+
+    A flux factor of one gives the mean variance of Table III.
+    """
+    sigma, size = inputs[SPOT_RADIUS] / width, inputs.count(_WINDOW)
     spots = printed_spots(inputs)
     errors = spot_errors(spots, sigma / inputs[PIXEL], size)
     # Photon variance is proportional to the inverse of the flux, read variance to its square.
     photon, both = (error.variance.mean() for error in errors)
     target = np.square(inputs.array("chen2023/table-3") / SIGMAS).mean()
-    flux = photon / ((1.0 - case.read_fraction) * target)
-    read = flux * np.sqrt(case.read_fraction * target / (both - photon))
+    flux = photon / ((1.0 - read_fraction) * target)
+    read = flux * np.sqrt(read_fraction * target / (both - photon))
     # The middles of equal parts of one pixel.
     count = inputs.count(PHASES)
     phases = (np.arange(count) + 0.5) / count - 0.5
     radii = sigma / (_resolutions(inputs) * inputs[TRACKER_FOCAL_LENGTH])
     return _Setting(
         np.stack([phases, 0.0 * phases], axis=-1),
-        case.flux_factor * flux,
+        flux_factor * flux,
         radii[:, None],
         np.full(2, -float(size // 2)),
         size,
@@ -229,14 +229,14 @@ def _relative_error(inputs: Inputs) -> float:
 
 @lru_cache(maxsize=1)
 def _replicated_scatter(
-    inputs: Inputs, seed: SeedSequence, replicates: int, case: _Case
+    inputs: Inputs, seed: SeedSequence, replicates: int, case: tuple[float, ...]
 ) -> FloatArray:
     """Return the results of studies of the printed size, from the closed form.
 
     Standard deviation of the errors of all phases and trials, (replicates, resolutions), in px.
     """
     trials = inputs.count(_TRIALS)
-    law = _predicted(_setting(inputs, case))
+    law = _predicted(_setting(inputs, *case))
     deviation = np.sqrt(law.variance / trials)
     generator, shape = default_rng(seed), (replicates, *law.bias.shape)
     # Mean and variance of normal errors within a phase are independent.
@@ -245,14 +245,13 @@ def _replicated_scatter(
     return np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
 
 
-def _saturation(monitoring: FloatArray, relative: float, errors: float) -> FloatArray:
+def _saturation(monitoring: FloatArray, gain: float) -> FloatArray:
     """Return the index of the coarsest resolution that no finer one improves significantly.
 
-    Index along the last axis.
+    Index along the last axis. A relative gain up to the given one is not significant.
     """
     finer = np.minimum.accumulate(monitoring, axis=-1)
-    error = errors * relative * np.hypot(monitoring, finer)
-    unbeaten = monitoring - finer <= error
+    unbeaten = monitoring - finer <= gain * np.hypot(monitoring, finer)
     return monitoring.shape[-1] - 1 - unbeaten[..., ::-1].argmax(axis=-1)
 
 
@@ -262,7 +261,7 @@ def terms(inputs: Inputs) -> dict[str, FloatArray]:
 
     The total contains the noise, which is the scatter without bias, and the bias.
     """
-    setting = _setting(inputs, _Case())
+    setting = _setting(inputs)
     law, trials = _predicted(setting), inputs.count(_TRIALS)
     generator = default_rng(seed_of("chen2023/fig-11a", inputs.root))
     simulated = [
@@ -298,7 +297,7 @@ def _draw_monitoring(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the monitoring accuracy against the angular resolution of the tracker."""
     angles = _resolutions(inputs) * ARCSEC_PER_RADIAN
     scale = attitude_accuracy(1.0, inputs.count(_LASERS), angles)
-    limit = partial(_saturation, relative=_relative_error(inputs), errors=3.0)
+    limit = partial(_saturation, gain=3.0 * _relative_error(inputs))
     line = printed[_SATURATION], "printed limit"
     axes = _draw_radii(figure, inputs, scale, limit, line)
     axes.set(ylabel="monitoring error (1σ, arcsec)", ylim=(0.25, 4))
@@ -315,7 +314,7 @@ def _draw_radii(
     errors = {}
     for name, width in _WIDTHS.items():
         label = _RADII[name].text.removeprefix("radius: ").removesuffix(" of the spot")
-        errors[label] = _predicted(_setting(inputs, _Case(width))).total * scale
+        errors[label] = _predicted(_setting(inputs, width)).total * scale
     axes = _draw_curves(figure, inputs, errors, marked)
     axes.axvline(line[0] * ARCSEC_PER_RADIAN, color="k", lw=1, label=line[1])
     legend_below(figure, 3)
