@@ -7,7 +7,6 @@ from reproduce.physics.registration._similarity import (
     closed_similarity,
 )
 from reproduce.physics.registration.calibration import (
-    Calibration,
     calibrate,
     deviations,
     gauss_newton_step,

@@ -10,7 +10,6 @@ cos^2 + sin^2 = 1, because the angle is the parameter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -200,36 +199,11 @@ def starting_values(
     return np.stack(np.broadcast_arrays(1.0, rotation, *shift), axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """Result of the two-stage iteration, with its path.
-
-    Attributes
-    ----------
-    history : ndarray, shape (m + 1, ..., 4)
-        Vector u before the first step and after each of the m steps. It is constant after a
-        calibration has converged.
-    first_stage : int
-        Number of steps that change only scale and rotation.
-    """
-
-    history: FloatArray
-    first_stage: int
-
-    @property
-    def parameters(self) -> FloatArray:
-        """Final vector u, shape (..., 4), with k above zero and theta within (-pi, pi]."""
-        scale, angle, *shift = np.moveaxis(self.history[-1], -1, 0)
-        # (k, theta) and (-k, theta + pi) are one transform.
-        factor = scale * np.exp(1j * angle)
-        return np.stack([np.abs(factor), np.angle(factor), *shift], axis=-1)
-
-
 @checked
 def calibrate(
     source: Points, target: Points, pivot: Point, start: _Vector
-) -> Calibration:
-    """Calibrate in two stages: scale and rotation first, then all four parameters.
+) -> FloatArray:
+    """Return the vector of a calibration in two stages: scale and rotation, then all parameters.
 
     Parameters
     ----------
@@ -242,8 +216,8 @@ def calibrate(
 
     Returns
     -------
-    Calibration
-        Path and result.
+    ndarray, shape (..., 4)
+        Final vector u, with k above zero and theta within (-pi, pi].
 
     Raises
     ------
@@ -254,27 +228,30 @@ def calibrate(
 
     Examples
     --------
-    >>> result = calibrate([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0), start=(1, 0, 0, 0))
-    >>> result.parameters.round(9) + 0.0
+    >>> calibrate([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0), (1, 0, 0, 0)).round(9) + 0.0
     array([ 2.,  0., -3.,  0.])
     """
     # The closed form raises an error if there is no unique solution. The iteration may not.
     closed = fit_registration(source, target, pivot).parameters
-    path, firsts = [start + np.zeros_like(closed)], []
+    found = start + np.zeros_like(closed)
     for free in (2, _PARAMETERS):
-        firsts.append(len(path))
-        moving = np.ones(path[0].shape[:-1], dtype=bool)
-        while moving.any():
-            if len(path) - firsts[-1] >= _MAX_STEPS:
-                raise ArithmeticError(
-                    f"start: expected every calibration to converge, got {int(moving.sum())} of "
-                    f"{moving.size} that did not. Start closer"
-                )
-            step, movement = _correction(path[-1], source, target, pivot, free)
+        moving = np.ones(found.shape[:-1], dtype=bool)
+        for _ in range(_MAX_STEPS):
+            step, movement = _correction(found, source, target, pivot, free)
             # Converged calibrations stay, so a batch equals separate calibrations.
-            path.append(path[-1] + np.where(moving[..., None], step, 0.0))
+            found = found + np.where(moving[..., None], step, 0.0)
             moving &= movement >= _LAST_MOVEMENT
-    return Calibration(np.stack(path), firsts[1] - 1)
+            if not moving.any():
+                break
+        else:
+            raise ArithmeticError(
+                f"start: expected every calibration to converge, got {int(moving.sum())} of "
+                f"{moving.size} that did not. Start closer"
+            )
+    # (k, theta) and (-k, theta + pi) are one transform.
+    factor = found[..., 0] * np.exp(1j * found[..., 1])
+    found[..., :2] = np.stack([np.abs(factor), np.angle(factor)], axis=-1)
+    return found
 
 
 def _direction(name: str, points: FloatArray) -> FloatArray:
