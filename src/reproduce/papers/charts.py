@@ -57,10 +57,10 @@ def legend_below(figure: Figure, columns: int) -> None:
 
 
 def plot_band(
-    axes: Axes, x: ArrayLike, ends: FloatArray, colour: str, line: str, label: str
+    axes: Axes, x: ArrayLike, ends: FloatArray, look: str, label: str
 ) -> None:
     """Draw a median within a band; `ends` are its low end, the median, its high end, (3, n)."""
-    [median] = axes.plot(x, ends[1], colour + line, label=label)
+    [median] = axes.plot(x, ends[1], look, label=label)
     edge = median.get_color()
     axes.fill_between(
         x,
@@ -68,7 +68,7 @@ def plot_band(
         facecolor=(edge, 0.2),
         edgecolor=edge,
         linewidth=0.6,
-        linestyle=line,
+        linestyle=median.get_linestyle(),
     )
 
 

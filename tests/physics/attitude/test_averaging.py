@@ -47,7 +47,6 @@ def test_the_floor_of_white_noise_has_an_honest_interval(averages):
     found = Stability(
         nothing,
         nothing,
-        series.T,
         np.array([count]),
         np.array([averages]),
         allan_deviation(series, [count]).T,
@@ -73,7 +72,8 @@ def test_no_average_bridges_a_gap():
     series = np.cumsum(default_rng(10).standard_normal((300, 2)), axis=0)
     found = stability(1.0 * kept, series[kept])
     assert len(found.counts) > 3
-    pieces = np.split(found.left, np.flatnonzero(np.diff(kept) > 1) + 1)
+    left = series[kept] - kept[:, None] * found.rate
+    pieces = np.split(left, np.flatnonzero(np.diff(kept) > 1) + 1)
     for place, count in enumerate(found.counts):
         squares, start = [], 0
         for piece in pieces:

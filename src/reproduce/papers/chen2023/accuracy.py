@@ -73,8 +73,11 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
 
 def _rows(inputs: Inputs) -> list[str]:
     """Return the names of the rows, which stay if a number of frames is changed."""
-    names = (address.partition("#")[2] for address in inputs.cells)
-    return [name.partition(".")[0] for name in names if name.endswith(".frames")]
+    return [
+        address.removesuffix(".frames").partition("#")[2]
+        for address in inputs.cells
+        if address.endswith(".frames")
+    ]
 
 
 def _simulated_accuracies(

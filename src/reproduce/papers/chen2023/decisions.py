@@ -100,7 +100,7 @@ def _draw_frames(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     panels = two_panels(figure, 3.9, 6.0, "error, one sigma (arcsec)")
     for axes, axis, mark in zip(panels, "xy", _MARKS, strict=True):
         ends = _averages(inputs, axis, counts)
-        plot_band(axes, counts, ends, "C0", "-", "median, with 95 %")
+        plot_band(axes, counts, ends, "C0-", "median, with 95 %")
         white = ends[1, 0] / np.sqrt(counts)
         axes.plot(counts, white, "C6--", label="white noise")
         shown = inputs.array(COUNTS)

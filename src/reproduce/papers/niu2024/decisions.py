@@ -126,9 +126,9 @@ def _draw_stars(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     counts = np.geomspace(10, 1000, 30)
     set_size(figure, 6.0, 3.6, 4.2)
     axes = figure.subplots()
-    errors, looks = _edge_errors(inputs, counts), (("C0", "-"), ("C1", "--"))
-    for name, ends, look in zip(_MODELS, errors, looks, strict=True):
-        plot_band(axes, counts, ends, *look, f"{name}, with 95 %")
+    errors = _edge_errors(inputs, counts)
+    for name, ends, look in zip(_MODELS, errors, ("C0-", "C1--"), strict=True):
+        plot_band(axes, counts, ends, look, f"{name}, with 95 %")
     axes.axvline(
         inputs[_COUNT], color="#777777", linestyle=":", label="stars of the paper"
     )

@@ -153,8 +153,6 @@ class Stability:
     ----------
     rate, rate_error : ndarray, shape (k,)
         Drift in a unit of time, by least squares, and its standard error.
-    left : ndarray, shape (frames, k)
-        Series minus the linear drift.
     counts : ndarray of int, shape (m,)
         Numbers of averaged frames: powers of two.
     averages : ndarray of int, shape (m,)
@@ -170,7 +168,6 @@ class Stability:
 
     rate: FloatArray
     rate_error: FloatArray
-    left: FloatArray
     counts: NDArray[np.int64]
     averages: NDArray[np.int64]
     deviations: FloatArray
@@ -255,7 +252,7 @@ def stability(times: _Series, series: _Angles) -> Stability:
         if averages >= _MIN_AVERAGES:
             results.append((count, averages, np.sqrt(np.nanmean(squares, axis=1) / 2)))
     columns = map(np.array, zip(*results, strict=True))
-    return Stability(rate, np.sqrt(covariance[0, 0]), left, *columns)
+    return Stability(rate, np.sqrt(covariance[0, 0]), *columns)
 
 
 @checked
