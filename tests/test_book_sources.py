@@ -140,7 +140,7 @@ def test_pages_call_the_public_api_in_visible_cells():
 def test_alternative_texts_are_sentences_with_facts():
     """A blank names a cell or an item and its property, or a fact of the drawing."""
     for key in drawable():
-        figure = item_text(key).figure
+        figure = item_text(key)
         assert len(BLANK.sub("", figure.alternative).split()) >= 15, key
         assert figure.caption, key
         text = f"{figure.alternative} {figure.caption}"

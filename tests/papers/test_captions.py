@@ -24,12 +24,12 @@ def test_every_text_is_used():
             for option, alternatives in text.options.items():
                 computed = [one.options.get(option) for one in computations(key)]
                 assert alternatives in computed, option
-            if text.figure.alternative:
+            if text.alternative:
                 assert drawing(key), key
             if text.columns:
                 assert text.caption
                 assert study(key).facts().keys() == text.facts.keys(), key
-            assert text.columns or text.figure.alternative or key in catalogue(), key
+            assert text.columns or text.alternative or key in catalogue(), key
 
 
 @pytest.mark.parametrize(

@@ -71,32 +71,26 @@ Options = Mapping[str, Mapping[str, Alternative]]
 
 
 @dataclass(frozen=True, config=_STRICT)
-class _FigureText:
-    """Alternative text and caption of a figure."""
-
-    alternative: str
-    caption: str
-
-
-@dataclass(frozen=True, config=_STRICT)
 class ItemText:
     """The texts of one key.
 
     - `title`: of a supplementary table or of a figure.
-    - `caption`, `columns`: of a supplementary table. Facts fill the blanks of the caption.
+    - `alternative`: of a figure, the text for readers who do not see it.
+    - `caption`: of a supplementary table or of a figure. Facts fill the blanks of the caption of a
+      table, and printed cells those in the texts of a figure, ``{ADDRESS printed}``.
+    - `columns`: of a supplementary table.
     - `folded`: name of the column by whose values a long table is shown in parts.
     - `facts`: formats of the numbers that sentences quote.
     - `options`: option to its alternatives, the literal one first.
-    - `figure`: texts of a figure; ``{ADDRESS printed}`` is replaced by the printed cell.
     """
 
     title: str = ""
+    alternative: str = ""
     caption: str = ""
     columns: tuple[Column, ...] = ()
     folded: str = ""
     facts: dict[str, Fact] = field(default_factory=dict)
     options: dict[str, dict[str, Alternative]] = field(default_factory=dict)
-    figure: _FigureText = _FigureText("", "")
 
 
 def item_text(key: str) -> ItemText:

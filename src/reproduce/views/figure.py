@@ -253,14 +253,14 @@ class Figure(Rerunnable):
         if self.changes:
             remark = "your setting; marks of printed values do not change"
             return f"{self.title}. {self._setting(remark)}"
-        return powers(filled(item_text(self.key).figure.caption))
+        return powers(filled(item_text(self.key).caption))
 
     @cached_property
     def alternative(self) -> str:
         """Alternative text."""
         if self.changes:
             return self.caption
-        return powers(filled(item_text(self.key).figure.alternative))
+        return powers(filled(item_text(self.key).alternative))
 
     def blocks(self) -> Iterator[Block]:
         """Yield the figure with its caption; a terminal shows the command that draws it."""
