@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from reproduce.inference.models.bench import _averaging_moments
+from reproduce.papers import charts
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.chen2023 import published
 from reproduce.papers.declare import study
@@ -70,7 +71,7 @@ def test_the_error_at_the_edge_is_that_of_simulated_fits():
     transform = fit_registration(red, noisy, pivot).transform
     edge = np.hypot(*(red - pivot).T).argmax()
     errors = np.hypot(*(transform.apply(red)[:, edge] - green[edge]).T)
-    expected = np.quantile(errors, sensor._QUANTILES)
+    expected = np.quantile(errors, charts.LEVELS)
     found = sensor._edge_errors(STARS, np.array([137.0]))[0, :, 0]
     np.testing.assert_allclose(found, expected, rtol=0.06)
 

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 # Width in inches that a phone of 390 CSS pixels shows in full.
 NARROW = 3.7
-# Ends of the central 99 %, and the median.
+# Ends of the central 99 % and of the central 95 %, with the median.
 _CENTRAL = (0.005, 0.5, 0.995)
+LEVELS = (0.025, 0.5, 0.975)
 
 
 def is_narrow(figure: Figure) -> bool:
@@ -31,7 +32,7 @@ def is_narrow(figure: Figure) -> bool:
 
 
 def set_size(
-    figure: Figure, width: float, height: float, narrow: float | None = None
+    figure: Figure, height: float, narrow: float | None = None, width: float = 6.4
 ) -> bool:
     """Set the size in inches, with another height on a narrow page; return whether it is narrow."""
     if narrowed := is_narrow(figure):
@@ -42,7 +43,7 @@ def set_size(
 
 def two_panels(figure: Figure, height: float, narrow: float, label: str) -> list[Axes]:
     """Return two panels with one vertical scale, below each other on a narrow page."""
-    narrowed = set_size(figure, 6.4, height, narrow)
+    narrowed = set_size(figure, height, narrow)
     panels = list(figure.subplots(*((2, 1) if narrowed else (1, 2)), sharey=True))
     for axes in panels if narrowed else panels[:1]:
         axes.set_ylabel(label)

@@ -45,7 +45,7 @@ def differences_block(found: pd.DataFrame) -> Html:
     labels = list(dict.fromkeys(lines))
 
     def paint(figure: Figure) -> None:
-        set_size(figure, 6.4, 0.34 * len(labels) + 1.0, 0.42 * len(labels) + 1.0)
+        set_size(figure, 0.34 * len(labels) + 1.0, 0.42 * len(labels) + 1.0)
         axes = figure.add_subplot()
         axes.axvspan(-1, 1, fc=("C6", 0.2), ec="C6")
         for agrees, look in ((True, "C0|"), (False, "C1D")):

@@ -51,7 +51,7 @@ def draw_intervals(
     """
     heights = [_STRIP_INCHES] * len(draws)
     width, tall = (6.8, _PANEL_INCHES) if pair else (5.0, 0.0)
-    narrow = set_size(figure, width, max(sum(heights), tall), sum(heights) + tall)
+    narrow = set_size(figure, max(sum(heights), tall), sum(heights) + tall, width)
     layout: list[Any] = [[name] for name in draws]
     if pair and narrow:
         layout, heights = [*layout, ["panel"]], [*heights, tall]

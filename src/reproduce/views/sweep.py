@@ -187,7 +187,7 @@ class Sweep(Display):
         numbers = [part for _, part in self.rows.groupby(level=0)]
 
         def paint(figure: Figure) -> None:
-            set_size(figure, 6.4, 0.4 + _PANEL_INCHES * len(numbers))
+            set_size(figure, 0.4 + _PANEL_INCHES * len(numbers))
             panels = figure.subplots(len(numbers), sharex=True, squeeze=False)[:, 0]
             for axes, part in zip(panels, numbers, strict=True):
                 low, value, high = part[["low", "computed", "high"]].to_numpy(float).T

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import softmax
 
-from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, two_panels
+from reproduce.papers.charts import (
+    LEVELS,
+    legend_below,
+    plot_band,
+    set_log_ticks,
+    two_panels,
+)
 from reproduce.papers.chen2023.accuracy import COUNTS, FRAMES
 from reproduce.papers.chen2023.effectiveness import FRAMES_PER_STATE
 from reproduce.papers.chen2023.platform import SIGMAS
@@ -26,8 +32,6 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Low end of the central 95 %, median, high end.
-_ENDS = (0.025, 0.5, 0.975)
 _MARKS = ("chen2023/table-4#*.misalignment-x", "chen2023/table-4#*.misalignment-y")
 _FRAME_INPUTS = (
     COUNTS,
@@ -59,7 +63,7 @@ def _quantiles(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Return low end, median and high end of values with weights, (3,)."""
     order = np.argsort(values)
     weights = weights[order]
-    return np.interp(_ENDS, np.cumsum(weights) - weights / 2, values[order])
+    return np.interp(LEVELS, np.cumsum(weights) - weights / 2, values[order])
 
 
 def _averages(inputs: Inputs, axis: str, counts: FloatArray) -> FloatArray:
@@ -80,8 +84,8 @@ def _frame_facts(inputs: Inputs) -> dict[str, float]:
         **knees,
         "state": state,
         "state-white": weights @ white / np.sqrt(state) * ARCSEC_PER_RADIAN,
-        "interval": 100 * (_ENDS[2] - _ENDS[0]),
-        "upper-end": 100 * _ENDS[2],
+        "interval": 100 * (LEVELS[2] - LEVELS[0]),
+        "upper-end": 100 * LEVELS[2],
     }
 
 

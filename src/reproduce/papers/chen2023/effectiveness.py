@@ -299,7 +299,7 @@ def bound(inputs: Inputs) -> Results:
 @draws("chen2023/table-5", inputs=monitored_angle.inputs, marks=[BOUND])
 def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the differences from several reference angles, and the implied focal lengths."""
-    rows = (4, 1) if set_size(figure, 6.4, 6.6, 10.5) else (2, 2)
+    rows = (4, 1) if set_size(figure, 6.6, 10.5) else (2, 2)
     panels = np.reshape(figure.subplots(*rows, sharex=True), (2, 2))
     # Noise of the state and of the zero state.
     sigmas = np.sqrt(2.0) * angle_sigma(inputs, 2, inputs.count(FRAMES_PER_STATE))

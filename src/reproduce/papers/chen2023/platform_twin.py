@@ -181,7 +181,7 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     seen = (rays[:, 2] > 0.9) & (magnitude <= _FAINTEST_MAGNITUDE)
     spots = received_spots(rays[seen], *as_designed(inputs).tracker)
     sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - magnitude[seen])
-    set_size(figure, 6.0, 6.0, 4.2)
+    set_size(figure, 6.0, 4.2, width=6.0)
     axes = figure.add_subplot()
     x, y = spots.T
     axes.scatter(x, y, sizes, "C2", label="stars")
@@ -242,7 +242,7 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     )
     mean = spot_windows(twin.spots, twin.flux[0], twin.radius, corners, _SHOWN_PX)
     seen = expose(mean, Detector(), generator)
-    set_size(figure, 5.6, 4.8, 3.6)
+    set_size(figure, 4.8, 3.6, width=5.6)
     figure.set_layout_engine("compressed")
     panels = figure.subplots(2, 2)
     centres = printed_spots(printed)
@@ -320,7 +320,7 @@ def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 
 def _draw_test(figure: Figure, printed: Inputs, inputs: Inputs, axis: str) -> None:
     """Draw the whole test with the printed angles, and its differences from the references."""
-    set_size(figure, 6.4, 5.6, 5.6)
+    set_size(figure, 5.6, 5.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     bound = printed[BOUND] * ARCSEC_PER_RADIAN
     monitored, reference = (
@@ -370,7 +370,7 @@ _draw_about_x = _draws_test(
 @_draws_test("chen2023/fig-1d")
 def _draw_example(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw one move of the stage: the mean reaches the reference after its length."""
-    set_size(figure, 6.4, 3.2, 2.8)
+    set_size(figure, 3.2, 2.8)
     axes, (times, *angles) = figure.add_subplot(), _stage_test(inputs)
     for series, look in zip(angles, ("C1--", "C0-"), strict=True):
         axes.plot(times, series[:, 1] * ARCSEC_PER_RADIAN, look)

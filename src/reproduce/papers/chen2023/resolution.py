@@ -328,7 +328,7 @@ def _draw_curves(
     marked: Callable[[FloatArray], Any] | None = None,
 ) -> Axes:
     """Draw named curves against the resolution, with one marked point; return the axes."""
-    set_size(figure, 6.4, 4.4, 4.4)
+    set_size(figure, 4.4, 4.4)
     axes, angles = figure.add_subplot(), _resolutions(inputs) * ARCSEC_PER_RADIAN
     looks = ("C0o-", "C1s--", "C2D-.", "C3^:")
     for (label, curve), look in zip(errors.items(), looks, strict=True):

@@ -13,7 +13,13 @@ import numpy as np
 from scipy.special import chndtrix
 
 from reproduce.inference import Normal, models
-from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, set_size
+from reproduce.papers.charts import (
+    LEVELS,
+    legend_below,
+    plot_band,
+    set_log_ticks,
+    set_size,
+)
 from reproduce.papers.declare import Rows, by_cell, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
@@ -25,8 +31,6 @@ from reproduce.printed.inputs import Inputs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Low end of the central 95 %, median, high end.
-_QUANTILES = (0.025, 0.5, 0.975)
 INPUTS = simulation.INPUTS
 _COUNT = "niu2024/text-simulation#angle-count"
 _MODELS = ("similarity", "distortions free")
@@ -80,8 +84,8 @@ def _edge_errors(inputs: Inputs, counts: FloatArray) -> FloatArray:
     return np.array(
         [
             # The square of a Rice variable is noncentral chi-squared.
-            [np.sqrt(variance * chndtrix(level, 2, bias)) for level in _QUANTILES],
-            [circular_error(free, level) for level in _QUANTILES],
+            [np.sqrt(variance * chndtrix(level, 2, bias)) for level in LEVELS],
+            [circular_error(free, level) for level in LEVELS],
         ]
     )
 
@@ -104,7 +108,7 @@ def _star_facts(inputs: Inputs) -> dict[str, float]:
     left_out = np.hypot(*neglected)
     names = ("similarity", "distortions")
     return {
-        "level": 100 * _QUANTILES[2],
+        "level": 100 * LEVELS[2],
         "left-out": left_out,
         **by_cell("{}-enough", _sufficient(inputs), names),
         # Equal mean squares: the one of the similarity includes the neglected distortion.
@@ -124,7 +128,7 @@ def _stars(inputs: Inputs) -> Rows:
 def _draw_stars(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the error at the edge of the field against the number of stars."""
     counts = np.geomspace(10, 1000, 30)
-    set_size(figure, 6.0, 3.6, 4.2)
+    set_size(figure, 3.6, 4.2, width=6.0)
     axes = figure.subplots()
     errors = _edge_errors(inputs, counts)
     for name, ends, look in zip(_MODELS, errors, ("C0-", "C1--"), strict=True):

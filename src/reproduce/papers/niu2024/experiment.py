@@ -299,7 +299,7 @@ def _scale_errors(inputs: Inputs) -> Rows:
 )
 def _draw_residuals(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the RMSE of the laboratory before and after registration."""
-    set_size(figure, 6.4, 4.2, 4.6)
+    set_size(figure, 4.2, 4.6)
     axes, rows = figure.subplots(), -np.arange(4)
     for y, look, way in ((0.0, "C0s", "one axis"), (0.25, "C1o", "both axes")):
         computation = rmse_before.with_options({"rmse": way.split()[0]})

@@ -253,7 +253,7 @@ def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     titles = (*_CHANNEL_MARKS, *KINDS[1:])
     places = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
-    shape = (3, 2) if set_size(figure, 6.4, 4.6, 5.6) else (2, 3)
+    shape = (3, 2) if set_size(figure, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
     for axes, title, [flux] in zip(grid.flat, titles, images, strict=False):
         root = np.sqrt(np.maximum(flux, 0))
@@ -273,7 +273,7 @@ def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 @draws("niu2024/drawing-fusion-errors")
 def _draw_errors(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the centroid error of the solar star against magnitude, for three images."""
-    set_size(figure, 6.4, 3.6, 3.8)
+    set_size(figure, 3.6, 3.8)
     axes = figure.add_subplot()
     errors = _stored().arrays["error"][list(STARS).index("solar"), 0]
     # A label to the left above its line, or to the right below it.

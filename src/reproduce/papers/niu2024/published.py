@@ -164,7 +164,7 @@ def _printed_scales(inputs: Inputs) -> Rows:
 @draws("niu2024/drawing-printed-scales", inputs=_SCALE_INPUTS)
 def _draw_scales(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the difference between scale factors and cameras, with two standard deviations."""
-    set_size(figure, 6.0, 2.8, 3.4)
+    set_size(figure, 2.8, 3.4, width=6.0)
     axes = figure.subplots()
     rows = list(_printed_scales.function(inputs))
     for height, (channel, _, value, error, _) in enumerate(rows):

@@ -305,7 +305,7 @@ def registration_rmse(
 @draws("niu2024/fig-4", inputs=ANGLES)
 def _draw_angles(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the arrangements of the angles that the text allows, the literal one first."""
-    size = 1.2 if set_size(figure, 6.4, 5.6, 3.9) else 2.4
+    size = 1.2 if set_size(figure, 5.6, 3.9) else 2.4
     x, y = np.degrees(half_ranges(inputs))
     outline = [-x, x, x, -x, -x], [-y, -y, y, y, -y]
     grid = figure.subplots(3, 3, sharex=True, sharey=True).flat
@@ -331,7 +331,7 @@ _AGREEING = ("none agrees", "one agrees", "both agree")
 )
 def _draw_parameters(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the parameters of Table 3 and their predicted ranges under both readings."""
-    shape = (8, 1) if set_size(figure, 6.4, 5.2, 8.8) else (4, 2)
+    shape = (8, 1) if set_size(figure, 5.2, 8.8) else (4, 2)
     grid = figure.subplots(*shape, sharey=True).flat
     predicted = {
         look: calibrated_parameters.with_options({"translations": table})(inputs)

@@ -284,16 +284,12 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     ratio = small / np.where(large > 0, large, 1.0)
     # The radius for equal semi-axes, the largest one, has a closed form.
     bracket = 0.0, 1.01 * np.sqrt(-2.0 * np.log1p(-share))
+    angle = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi
 
     def excess(radius: FloatArray, ratio: FloatArray) -> FloatArray:
-        return _fraction_inside(radius, ratio) - share
+        # In each direction of the plane with equal axes, half the squared distance is exponential.
+        square = np.cos(angle) ** 2 + (ratio[..., None] * np.sin(angle)) ** 2
+        inside = -np.expm1(-(radius[..., None] ** 2) / (2.0 * square)).mean(axis=-1)
+        return inside - share
 
     return elementwise.find_root(excess, bracket, args=(ratio,)).x * large
-
-
-def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:
-    """Return the probability of a circle for a normal distribution with semi-axes 1 and `ratio`."""
-    # In each direction of the plane with equal axes, half the squared distance is exponential.
-    angle = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi
-    square = np.cos(angle) ** 2 + (ratio[..., None] * np.sin(angle)) ** 2
-    return -np.expm1(-(radius[..., None] ** 2) / (2.0 * square)).mean(axis=-1)
