@@ -20,9 +20,9 @@ reference channel is green.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,7 +109,7 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     valid("step", step, half.max() <= _MAX_STEPS * step, expected)
     known = _lattices(half, step), (*_OFFSETS, _CORNER), _windows(half[None], half)
     parts = name.split("; ")
-    if len(parts) != len(known) or not all(map(operator.contains, known, parts)):
+    if tuple(parts) not in {*product(*known)}:
         listed = ", ".join(f"one of {list(names)}" for names in known)
         raise ValueError(
             f"name: expected three parts with semicolons between them, {listed}, got {name!r}. "
