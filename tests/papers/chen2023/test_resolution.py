@@ -27,9 +27,9 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
     positions = np.stack([PHASES, 0 * PHASES], axis=-1)
     setting = resolution._setting(INPUTS)._replace(positions=positions)
-    law = resolution._predicted(setting)
-    square = (law.bias**2 + law.variance).mean(axis=-1)
-    spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
+    bias, variance = resolution._predicted(setting)
+    square = (bias**2 + variance).mean(axis=-1)
+    spread = 2 * variance**2 + 4 * bias**2 * variance
     error = np.sqrt(spread.mean(axis=-1) / (50 * 500))
     surprise = (content["Monte Carlo"] ** 2 - square) / error
     assert np.abs(surprise).max() < 4
@@ -64,7 +64,8 @@ def test_replicated_studies_scatter_as_their_size_says():
 
 def best(*case, **changes):
     """The optimum in arc seconds and the error there in px, by the closed form."""
-    error = resolution._predicted(resolution._setting(INPUTS, *case, **changes)).total
+    setting = resolution._setting(INPUTS, *case, **changes)
+    error = resolution._total(*resolution._predicted(setting))
     return resolution._resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
 
 

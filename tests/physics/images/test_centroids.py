@@ -55,13 +55,13 @@ def test_a_frame_holds_the_same_spots_as_the_windows():
 
 def test_a_tight_window_pushes_the_scatter_below_the_unbiased_bound_but_not_the_biased():
     bound = cramer_rao_variance([0.1, 0.1], 1200.0, 2.6, [-2, -2], 5)
-    law, moved = (
+    (bias, variance), (moved, _) = (
         centre_of_gravity_error([place, place], 1200.0, 2.6, [-2, -2], 5)
         for place in (0.1, 0.1001)
     )
-    assert (law.variance < 0.5 * bound).all()
-    slope = 1 + (moved.bias - law.bias) / 1e-4
-    assert (law.variance >= slope**2 * bound).all()
+    assert (variance < 0.5 * bound).all()
+    slope = 1 + (moved - bias) / 1e-4
+    assert (variance >= slope**2 * bound).all()
 
 
 def test_dark_windows_and_even_ones_are_refused():

@@ -50,7 +50,7 @@ from reproduce.papers.chen2023.platform import (
     printed_spots,
     scatter,
 )
-from reproduce.papers.chen2023.resolution import SPOT_RADIUS, spot_errors
+from reproduce.papers.chen2023.resolution import SPOT_RADIUS
 from reproduce.papers.declare import draws, seed_of
 from reproduce.physics.attitude import (
     Platform,
@@ -64,6 +64,7 @@ from reproduce.physics.attitude import (
 from reproduce.physics.images import (
     Detector,
     centre_of_gravity,
+    centre_of_gravity_error,
     expose,
     spot_windows,
     window_corners,
@@ -150,10 +151,12 @@ def bench(inputs: Inputs) -> _SimulatedBench:
     """Return the simulated bench of the printed numbers."""
     design, window = as_designed(inputs), inputs.count(_WINDOW)
     radius = inputs[SPOT_RADIUS] / inputs[PIXEL]
-    error, _ = spot_errors(design.spots, radius, window)
+    corners = window_corners(design.spots, window)
+    # Photon variance is proportional to the inverse of the flux.
+    bias, variance = centre_of_gravity_error(design.spots, 1.0, radius, corners, window)
     target = [(scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
-    flux = error.variance.mean(axis=-1) / target
-    return _SimulatedBench(design, design.spots - error.bias, flux, radius, window)
+    flux = variance.mean(axis=-1) / target
+    return _SimulatedBench(design, design.spots - bias, flux, radius, window)
 
 
 # Direction towards Orion, a well-known constellation: right ascension, declination, and rotation

@@ -50,7 +50,6 @@ from reproduce.papers.declare import (
 )
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
-    CentroidError,
     centre_of_gravity_error,
     cramer_rao_variance,
     simulated_errors,
@@ -175,15 +174,6 @@ def _resolutions(inputs: Inputs) -> FloatArray:
     return np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1)
 
 
-def spot_errors(spots: FloatArray, radius: float, size: int) -> list[CentroidError]:
-    """Return the errors of spots of one electron by photon noise, and with equal read noise."""
-    corners = window_corners(spots, size)
-    return [
-        centre_of_gravity_error(spots, 1.0, radius, corners, size, noise)
-        for noise in (0.0, 1.0)
-    ]
-
-
 def _setting(
     inputs: Inputs,
     width: float = 1.0,
@@ -196,9 +186,12 @@ def _setting(
     """
     sigma, size = inputs[SPOT_RADIUS] / width, inputs.count(_WINDOW)
     spots = printed_spots(inputs)
-    errors = spot_errors(spots, sigma / inputs[PIXEL], size)
+    radius, corners = sigma / inputs[PIXEL], window_corners(spots, size)
     # Photon variance is proportional to the inverse of the flux, read variance to its square.
-    photon, both = (error.variance.mean() for error in errors)
+    photon, both = (
+        centre_of_gravity_error(spots, 1.0, radius, corners, size, noise)[1].mean()
+        for noise in (0.0, 1.0)
+    )
     target = np.square(inputs.array("chen2023/table-3") / SIGMAS).mean()
     flux = photon / ((1.0 - read_fraction) * target)
     read = flux * np.sqrt(read_fraction * target / (both - photon))
@@ -216,10 +209,15 @@ def _setting(
     )
 
 
-def _predicted(setting: _Setting) -> CentroidError:
-    """Return the closed form of the errors along x, (resolutions, phases)."""
-    error = centre_of_gravity_error(*setting)
-    return CentroidError(error.bias[..., 0], error.variance[..., 0])
+def _predicted(setting: _Setting) -> tuple[FloatArray, FloatArray]:
+    """Return bias and variance along x in closed form, each (resolutions, phases)."""
+    bias, variance = centre_of_gravity_error(*setting)
+    return bias[..., 0], variance[..., 0]
+
+
+def _total(bias: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the standard deviation of the errors of all phases, with the bias."""
+    return np.sqrt(variance.mean(axis=-1) + bias.var(axis=-1))
 
 
 def _relative_error(inputs: Inputs) -> float:
@@ -236,12 +234,12 @@ def _replicated_scatter(
     Standard deviation of the errors of all phases and trials, (replicates, resolutions), in px.
     """
     trials = inputs.count(_TRIALS)
-    law = _predicted(_setting(inputs, *case))
-    deviation = np.sqrt(law.variance / trials)
-    generator, shape = default_rng(seed), (replicates, *law.bias.shape)
+    bias, variance = _predicted(_setting(inputs, *case))
+    deviation = np.sqrt(variance / trials)
+    generator, shape = default_rng(seed), (replicates, *bias.shape)
     # Mean and variance of normal errors within a phase are independent.
-    means = law.bias + deviation * generator.standard_normal(shape)
-    inside = law.variance * generator.chisquare(trials - 1, shape) / trials
+    means = bias + deviation * generator.standard_normal(shape)
+    inside = variance * generator.chisquare(trials - 1, shape) / trials
     return np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
 
 
@@ -262,16 +260,16 @@ def terms(inputs: Inputs) -> dict[str, FloatArray]:
     The total contains the noise, which is the scatter without bias, and the bias.
     """
     setting = _setting(inputs)
-    law, trials = _predicted(setting), inputs.count(_TRIALS)
+    (bias, variance), trials = _predicted(setting), inputs.count(_TRIALS)
     generator = default_rng(seed_of("chen2023/fig-11a", inputs.root))
     simulated = [
         simulated_errors(*setting._replace(radii=radius), trials, generator).std()
         for radius in setting.radii
     ]
     return {
-        "total": law.total,
-        "noise": np.sqrt(law.variance.mean(axis=-1)),
-        "bias": np.sqrt((law.bias**2).mean(axis=-1)),
+        "total": _total(bias, variance),
+        "noise": np.sqrt(variance.mean(axis=-1)),
+        "bias": np.sqrt((bias**2).mean(axis=-1)),
         "Cramér–Rao bound": np.sqrt(
             cramer_rao_variance(*setting)[..., 0].mean(axis=-1)
         ),
@@ -314,7 +312,7 @@ def _draw_radii(
     errors = {}
     for name, width in _WIDTHS.items():
         label = _RADII[name].text.removeprefix("radius: ").removesuffix(" of the spot")
-        errors[label] = _predicted(_setting(inputs, width)).total * scale
+        errors[label] = _total(*_predicted(_setting(inputs, width))) * scale
     axes = _draw_curves(figure, inputs, errors, marked)
     axes.axvline(line[0] * ARCSEC_PER_RADIAN, color="k", lw=1, label=line[1])
     legend_below(figure, 3)

@@ -1,7 +1,6 @@
 """Images of stars: spots, detectors, centroids and their errors."""
 
 from reproduce.physics.images.centroids import (
-    CentroidError,
     centre_of_gravity,
     centre_of_gravity_error,
     cramer_rao_variance,

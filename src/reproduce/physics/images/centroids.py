@@ -10,8 +10,6 @@ deviation of its Gaussian, in px. Leading axes are a batch.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.random import Generator
 
@@ -68,27 +66,6 @@ def _check_flux(total: FloatArray) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class CentroidError:
-    """Error of a centroid along x and y.
-
-    Attributes
-    ----------
-    bias : ndarray, shape (..., 2)
-        Expected minus true position, in px.
-    variance : ndarray, shape (..., 2)
-        Variance about the expected position, in px^2.
-    """
-
-    bias: FloatArray
-    variance: FloatArray
-
-    @property
-    def total(self) -> FloatArray:
-        """Standard deviation of all errors over the last axis, with the bias."""
-        return np.sqrt(self.variance.mean(axis=-1) + self.bias.var(axis=-1))
-
-
 @validate.checked
 def centre_of_gravity_error(
     positions: Point,
@@ -97,7 +74,7 @@ def centre_of_gravity_error(
     corners: Point,
     size: int,
     read_noise: NonNegative = 0.0,
-) -> CentroidError:
+) -> tuple[FloatArray, FloatArray]:
     """Return the bias and variance of the centre of gravity in a fixed window.
 
     The bias contains the S-curve, the truncation by the window, and the effect of read noise, which
@@ -121,8 +98,10 @@ def centre_of_gravity_error(
 
     Returns
     -------
-    CentroidError
-        Errors along x and y, in px.
+    bias : ndarray, shape (..., 2)
+        Expected minus true position, in px.
+    variance : ndarray, shape (..., 2)
+        Variance about the expected position, in px^2.
 
     Raises
     ------
@@ -134,8 +113,8 @@ def centre_of_gravity_error(
     In a wide window, the variance is the sum of the squared radius and 1/12 px^2, the variance of
     the width of a pixel, over the number of electrons.
 
-    >>> error = centre_of_gravity_error([0.0, 0.0], 1e4, 1.0, [-8, -8], 17)
-    >>> (error.variance * 1e4).round(4)
+    >>> _, variance = centre_of_gravity_error([0.0, 0.0], 1e4, 1.0, [-8, -8], 17)
+    >>> (variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
     sums = _sums(positions - corners, light, radius, size)
@@ -149,7 +128,7 @@ def centre_of_gravity_error(
     # The denominator has noise too, correlated with that of the numerator: second order.
     push = -read * offsets.sum(axis=-1) / total**2
     bias = centre + push - (positions - corners)
-    return CentroidError(bias, variance / total**2)
+    return bias, variance / total**2
 
 
 def _sums(
