@@ -62,10 +62,8 @@ from reproduce.physics.attitude import (
     stage_angle,
 )
 from reproduce.physics.images import (
-    Detector,
     centre_of_gravity,
     centre_of_gravity_error,
-    expose,
     spot_windows,
     window_corners,
 )
@@ -128,8 +126,7 @@ class _SimulatedBench:
         corners = window_corners(centres, self.window)
         mean = spot_windows(centres, flux, self.radius, corners, self.window)
         shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-        seen = expose(np.broadcast_to(mean, shape), Detector(), generator)
-        return centre_of_gravity(seen, corners)
+        return centre_of_gravity(generator.poisson(mean, shape), corners)
 
     def two_groups(
         self, frames: int, generator: Generator
@@ -244,7 +241,7 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         window_corners(twin.spots, size) for size in (_SHOWN_PX, twin.window)
     )
     mean = spot_windows(twin.spots, twin.flux[0], twin.radius, corners, _SHOWN_PX)
-    seen = expose(mean, Detector(), generator)
+    seen = generator.poisson(mean)
     set_size(figure, 4.8, 3.6, width=5.6)
     figure.set_layout_engine("compressed")
     panels = figure.subplots(2, 2)
