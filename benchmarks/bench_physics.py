@@ -15,12 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from reproduce.papers.chen2023 import platform_twin, resolution
 from reproduce.physics.attitude import attitude
-from reproduce.physics.ground import (
-    earth_fixed,
-    image_vectors,
-    imaged_position,
-    satellite_from_inertial,
-)
+from reproduce.physics.ground import image_vectors, imaged_position, local_axes
 from reproduce.physics.images import centre_of_gravity, spot_windows
 from reproduce.physics.registration import (
     Registration,
@@ -162,8 +157,9 @@ def bench_study_of_figure_11(promise: Promise) -> None:
 
 def bench_lines_of_sight(promise: Promise) -> None:
     """Compare 100,000 points on the ellipsoid with the geodetic coordinates of ERFA."""
-    satellite = earth_fixed([0.3, 0.8, 5e5])
-    down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
+    satellite = erfa.gd2gc(erfa.WGS84, 0.3, 0.8, 5e5)
+    east, north, up = local_axes(satellite)
+    down = np.stack([north, east, -up], axis=-1)
     vectors = image_vectors(default_rng(3).uniform(-0.3, 0.3, (100_000, 2)), 14.0)
     places = satellite + 1e5 * vectors
     package = partial(imaged_position, vectors, satellite, down)

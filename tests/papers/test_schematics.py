@@ -3,6 +3,7 @@
 import re
 from xml.etree import ElementTree
 
+import erfa
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -164,10 +165,9 @@ def test_the_scene_is_the_one_of_the_imaging_model():
     """Camera and target of equation (1), as drawn in Figure 1a."""
     paths, degree = named("chen2023/fig-1a"), np.pi / 180
     page = view(36.0, 20.0) * 2.8 * 27 / ground.EARTH_RADIUS
-    above = ground.earth_fixed(
-        [104.0 * degree, 24.0 * degree, 1.25 * ground.EARTH_RADIUS]
-    )
-    target = ground.earth_fixed([66.0 * degree, 50.0 * degree, 0.0])
+    high = 1.25 * ground.EARTH_RADIUS
+    above = erfa.gd2gc(erfa.WGS84, 104.0 * degree, 24.0 * degree, high)
+    target = erfa.gd2gc(erfa.WGS84, 66.0 * degree, 50.0 * degree, 0.0)
     z = unit("boresight", target - above)
     x = unit("level", np.cross([0.0, 0.0, 1.0], z))
     length = 0.42 * ground.EARTH_RADIUS

@@ -1,11 +1,6 @@
 """Positions on the ground: Earth, orbit, imaging and its errors."""
 
-from reproduce.physics.ground.earth import (
-    EARTH_RADIUS,
-    earth_fixed,
-    local_axes,
-    satellite_from_inertial,
-)
+from reproduce.physics.ground.earth import EARTH_RADIUS, local_axes
 from reproduce.physics.ground.imaging import (
     circular_error,
     ground_covariance,
