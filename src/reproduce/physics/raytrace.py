@@ -15,13 +15,11 @@ of the tracker is in the plane of Y and Z.
 from __future__ import annotations
 
 from functools import reduce
-from typing import Annotated, Any
 
 import numpy as np
 
 from reproduce.physics.attitude import (
     Platform,
-    cross_matrix,
     received_spots,
     rotation_from_vector,
     unit,
@@ -37,7 +35,6 @@ from reproduce.physics.validate import (
     valid,
 )
 
-_Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors, whose train is equal in every attitude, and two with their
 # edge along Y.
 CORNER = np.eye(3)
@@ -95,34 +92,6 @@ def mirror_train(normals: Directions) -> FloatArray:
     """
     mirrors = np.moveaxis(reflection(normals), -3, 0)
     return reduce(np.matmul, mirrors[::-1])
-
-
-@checked
-def turn_response(train: _Train, direction: Direction) -> FloatArray:
-    """Return the derivative of outgoing light by rotations of a train of mirrors.
-
-    Parameters
-    ----------
-    train : array_like, shape (..., 3, 3)
-        Matrix from `mirror_train`.
-    direction : array_like, shape (..., 3)
-        Direction of the incoming light.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        Derivative of the outgoing direction by the rotation about X, Y and Z (columns). It is two
-        for a plane mirror at normal incidence.
-
-    Examples
-    --------
-    >>> turn_response(reflection([0, 0, 1.0]), [0, 0, -1.0])[:, 1]
-    array([2., 0., 0.])
-    """
-    coming = unit("direction", direction)
-    going = (train @ coming[..., None])[..., 0]
-    # d/da of R M R' d for a rotation R by zero: a × (M d) - M (a × d).
-    return train @ cross_matrix(coming) - cross_matrix(going)
 
 
 @checked

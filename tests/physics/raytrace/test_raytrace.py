@@ -10,12 +10,10 @@ from scipy.optimize import brentq
 
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.raytrace import (
-    ROOF,
     fold_mirror_tilt,
     mirror_train,
     reflected_by_cone,
     reflection,
-    turn_response,
 )
 from reproduce.physics.validate import DegenerateGeometryError
 
@@ -39,17 +37,6 @@ def test_the_order_of_a_train_is_that_of_the_light():
     first, second = RNG.normal(size=(2, 3))
     expected = reflection(second) @ reflection(first)
     assert_allclose(mirror_train([first, second]), expected, atol=1e-15)
-
-
-def test_the_response_is_the_derivative_of_the_turned_train():
-    step, directions = 1e-6, RNG.normal(size=(3, 3))
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    for train in (mirror_train(CORNER), mirror_train(ROOF), reflection([1, 2, 3])):
-        found = turn_response(train, directions)
-        for axis, turn in enumerate(np.eye(3) * step):
-            plus, minus = (turned_train(train, sign * turn) for sign in (1, -1))
-            slope = directions @ (plus - minus).T / (2 * step)
-            assert_allclose(found[..., axis], slope, atol=1e-9)
 
 
 def test_a_cone_against_a_root_finder_and_a_numerical_normal():

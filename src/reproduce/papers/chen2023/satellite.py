@@ -36,9 +36,7 @@ from reproduce.physics.raytrace import (
     RETROREFLECTORS,
     fold_mirror,
     fold_mirror_tilt,
-    reflection,
     traced_spots,
-    turn_response,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -63,8 +61,6 @@ _TEST_ROTATION = 10 * RADIANS_PER_ARCSEC
 # Points around the edge of the beam in the camera's lens, in metres.
 _AROUND = 2.0 * np.pi * (np.arange(36) + 0.5) / 36
 _APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
-# A smaller fraction of a rotation is rounding noise.
-_ROUNDING_FACTOR = 1e-9
 
 
 def altitude(inputs: Inputs) -> float:
@@ -188,7 +184,7 @@ def _dichroic(inputs: Inputs) -> Rows:
     factors = np.linalg.norm(_dichroic_response(inputs[BORESIGHT]), axis=0)
     axes = ("in the plane of the light", "across it", "its normal")
     for axis, factor in zip(axes, factors, strict=True):
-        tilt = accuracy / factor if factor > _ROUNDING_FACTOR else np.inf
+        tilt = accuracy / factor if factor else np.inf
         yield axis, factor, tilt / RADIANS_PER_ARCSEC, tilt / inputs[_EXPANSION]
 
 
@@ -201,8 +197,10 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     normal = fold_mirror(boresight_angle)
     # The plane of the light contains both boresights and is across X.
     across = np.array([1.0, 0.0, 0.0])
-    axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
-    return turn_response(reflection(normal), [0.0, 0.0, -1.0]) @ axes
+    axes = np.stack([np.cross(across, normal), across, normal])
+    light, moves = np.array([0.0, 0.0, -1.0]), np.cross(axes, normal)
+    # The mirror takes the direction d to d - 2 (d·n) n.
+    return -2.0 * (np.outer(normal, moves @ light) + normal @ light * moves.T)
 
 
 @studied(
