@@ -262,9 +262,13 @@ def terms(inputs: Inputs) -> dict[str, FloatArray]:
     setting = _setting(inputs)
     (bias, variance), trials = _predicted(setting), inputs.count(_TRIALS)
     generator = default_rng(seed_of("chen2023/fig-11a", inputs.root))
+    # The literal reading has no read noise.
+    positions, light, radii, corner, size, _ = setting
     simulated = [
-        simulated_errors(*setting._replace(radii=radius), trials, generator).std()
-        for radius in setting.radii
+        simulated_errors(
+            positions, light, radius, corner, size, trials, generator
+        ).std()
+        for radius in radii
     ]
     return {
         "total": _total(bias, variance),

@@ -190,18 +190,17 @@ def simulated_errors(
     radius: Positive,
     corners: Point,
     size: int,
-    read_noise: NonNegative,
     trials: int,
     generator: Generator,
 ) -> FloatArray:
-    """Return the errors of simulated centroids along x in one window.
+    """Return the errors of simulated centroids along x in one window, due to photon noise.
 
     Each column of the window is drawn as one number, because the centre of gravity along x depends
-    only on the sums of columns, and sums of Poisson or normal numbers have the same distribution.
+    only on the sums of columns, and a sum of Poisson numbers is a Poisson number.
 
     Parameters
     ----------
-    positions, light, radius, corners, size, read_noise
+    positions, light, radius, corners, size
         As in `centre_of_gravity_error`, for positions of shape (n, 2) and one window.
     trials : int
         Number of simulations of each position.
@@ -221,13 +220,11 @@ def simulated_errors(
     Examples
     --------
     >>> rng = np.random.default_rng(1)
-    >>> simulated_errors([[0, 0]], 1e12, [0.5], (-2, -2), 5, 0.0, 2, rng).shape
+    >>> simulated_errors([[0, 0]], 1e12, [0.5], (-2, -2), 5, 2, rng).shape
     (2, 1)
     """
     columns = _sums(positions - corners, light, radius, size)[:, 0]
     shape = (validate.whole_number("trials", trials), *columns.shape)
-    seen = generator.poisson(columns, size=shape).astype(np.float64)
-    if read_noise:
-        seen += read_noise * np.sqrt(size) * generator.standard_normal(shape)
+    seen = generator.poisson(columns, size=shape)
     centres = centre_of_gravity(seen[..., None, :], corners)
     return centres[..., 0] - positions[:, 0]
