@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence, default_rng
+from numpy.typing import ArrayLike
 
 from reproduce.papers.charts import legend_below, plot_range, set_size
 from reproduce.papers.declare import (
@@ -94,10 +95,10 @@ def scale_factors(inputs: Inputs) -> Results:
     return by_cell("scale.{}", ratios, REGISTERED)
 
 
-def instrument(inputs: Inputs) -> list[optics.Camera]:
-    """Return the cameras of Table 4; image points start at the green principal point."""
+def instrument(inputs: Inputs, green: ArrayLike = 0.0) -> list[optics.Camera]:
+    """Return the cameras of Table 4, by default with green's principal point at zero."""
     points = np.insert(translations(inputs, _TABLE), 0, 0.0, axis=0)
-    return instrument_of(inputs, _TABLE, _TABLE, points)
+    return instrument_of(inputs, _TABLE, _TABLE, np.add(green, points))
 
 
 def half_field(inputs: Inputs) -> FloatArray:

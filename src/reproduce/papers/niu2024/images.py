@@ -16,7 +16,6 @@ of three images after registration. The centre of the star is the centre of maxi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -94,11 +93,8 @@ _SUMMED_PIXELS = 3
 
 def _instrument(inputs: Inputs) -> list[Camera]:
     """Return the cameras of Table 4 with green's principal point at the detector's centre."""
-    centre = detector_centre(inputs.array("niu2024/text-optics#pixels-?"))
-    return [
-        replace(camera, principal_point=camera.principal_point + centre)
-        for camera in experiment.instrument(inputs)
-    ]
+    pixels = inputs.array("niu2024/text-optics#pixels-?")
+    return experiment.instrument(inputs, detector_centre(pixels))
 
 
 def similarities(inputs: Inputs) -> list[Registration]:
