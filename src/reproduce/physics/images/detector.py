@@ -20,7 +20,6 @@ from reproduce.physics.validate import (
     FloatArray,
     NonNegative,
     Number,
-    Positive,
     Size,
     Weights,
     checked,
@@ -158,7 +157,7 @@ _V_WIDTH, _NODES = 10e-9, 40
 
 @checked
 def blackbody_band(
-    magnitude: Number, temperature: Positive, low: Size, high: Size
+    magnitude: Number, temperature: Size, low: Size, high: Size
 ) -> FloatArray:
     """Return the photons of a blackbody star in a band, above the atmosphere.
 
@@ -167,8 +166,10 @@ def blackbody_band(
 
     Parameters
     ----------
-    magnitude, temperature : array_like, shape (...)
-        V magnitude, and temperature in kelvin.
+    magnitude : array_like, shape (...)
+        V magnitude.
+    temperature : float
+        Temperature, in kelvin.
     low, high : float
         Lower and upper edge of the band, in metres.
 
@@ -187,8 +188,7 @@ def blackbody_band(
     from scipy.integrate import fixed_quad  # it is slow
 
     _check_band(low, high)
-    column = temperature[..., None]
-    width, _ = fixed_quad(_blackbody_photons, low, high, (column,), _NODES)
+    width, _ = fixed_quad(_blackbody_photons, low, high, (temperature,), _NODES)
     return _ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * width
 
 
@@ -248,7 +248,7 @@ def _check_band(low: float, high: float) -> None:
     valid("low", low, low < high, "an edge below the upper edge")
 
 
-def _blackbody_photons(wavelength: FloatArray, temperature: FloatArray) -> FloatArray:
+def _blackbody_photons(wavelength: FloatArray, temperature: float) -> FloatArray:
     """Return the photon spectrum of a blackbody, in units of its value at 550 nm."""
     # The exponentials of a cool star would overflow.
     exponent = _SECOND_RADIATION / (wavelength * temperature)
