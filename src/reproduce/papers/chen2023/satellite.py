@@ -13,7 +13,6 @@ of the averaged misalignment.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -127,14 +126,12 @@ def table_angle(inputs: Inputs) -> Results:
     return {"table-angle": np.arcsin(sine)}
 
 
-def _reported(
-    design: Platform, traced: Callable[..., FloatArray], **turns: FloatArray
-) -> FloatArray:
-    """Return the rotation of the camera that the system reports after a rotation of a part.
+def _reported(design: Platform, rest: FloatArray, moved: FloatArray) -> FloatArray:
+    """Return the rotation of the camera that the system reports for spots of many rays.
 
     Angles about X, Y and Z of the camera, shape (3,), in radians.
     """
-    zero, now = (spots.mean(axis=1) for spots in (traced(), traced(**turns)))
+    zero, now = (spots.mean(axis=1) for spots in (rest, moved))
     return design.misalignment(now, design.transform(zero))
 
 
@@ -161,13 +158,13 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
         design = replace(
             platform, lasers=platform.lasers * [1, -1 if is_mirrored else 1]
         )
-        responses: list[float] = []
+        rest, responses = traced(), list[float]()
         for turn in turns:
-            x, y, z = _reported(design, traced, turn=turn)
+            x, y, z = _reported(design, rest, traced(turn=turn))
             responses += [np.hypot(x, y), abs(z)]
-        responses.append(abs(_reported(design, traced, camera_turn=turns[0])[2]))
-        spots = traced()
-        offsets = spots - spots.mean(axis=1, keepdims=True)
+        tilted = traced(camera_turn=turns[0])
+        responses.append(abs(_reported(design, rest, tilted)[2]))
+        offsets = rest - rest.mean(axis=1, keepdims=True)
         blur = np.linalg.norm(offsets, axis=-1).max()
         image = "mirrored" if is_mirrored else "upright"
         yield (kind, *(np.array(responses) / _TEST_ROTATION), blur, image)
