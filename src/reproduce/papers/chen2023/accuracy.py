@@ -47,8 +47,6 @@ _RATE = "chen2023/text-accuracy#frame-rate"
 COUNTS = "chen2023/table-4#*.frames"
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 INPUTS = (*INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
-# Replicates simulated at once: enough to be fast, few enough for a small memory.
-_BATCH_REPLICATES = 250
 # Floor of the dotted line in the figure, three sigma: the bound of the paper on its differences.
 _EXAMPLE_FLOOR = 0.1 * RADIANS_PER_ARCSEC
 
@@ -89,16 +87,14 @@ def _simulated_accuracies(
     """
     # By unit noise in each coordinate: shape (groups, 2 axes, coordinates).
     rotations = np.stack([unit_rotations(inputs, g)[:2] for g in (1, 2)])
-    frames, generator = inputs.count(FRAMES), default_rng(seed)
-    parts = []
-    for first in range(0, replicates, _BATCH_REPLICATES):
-        batch = min(_BATCH_REPLICATES, replicates - first)
-        shape = (batch, len(rotations), frames, rotations.shape[-1])
-        noise = generator.standard_normal(shape)
-        # One angle about X and one about Y for each frame, to first order in the noise. The
-        # relative error is one millionth, because the rotations are a few microradians.
-        parts.append(scatter_of_averages(rotations @ noise.mT, counts))
-    return SIGMAS * np.concatenate(parts)
+    generator = default_rng(seed)
+    shape = (len(rotations), inputs.count(FRAMES), rotations.shape[-1])
+    # One angle about X and one about Y for each frame, to first order in the noise. The relative
+    # error is one millionth, because the rotations are a few microradians.
+    angles = (
+        rotations @ generator.standard_normal(shape).mT for _ in range(replicates)
+    )
+    return SIGMAS * np.stack([scatter_of_averages(one, counts) for one in angles])
 
 
 def time_per_frame(inputs: Inputs) -> float:
