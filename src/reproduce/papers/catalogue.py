@@ -29,7 +29,6 @@ def catalogue(kind: _Kind = "items") -> dict[str, str]:
     return {
         f"{paper}/{key}": name and f"{__package__}.{paper}.{name}"
         for paper, folder in papers().items()
-        for key, name in read_toml(folder / f"items/{paper}.toml", _Keys)
-        .get(kind, {})
-        .items()
+        for keys in [read_toml(folder / f"items/{paper}.toml", _Keys)]
+        for key, name in keys.get(kind, {}).items()
     }
