@@ -5,7 +5,7 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from reproduce.physics.ground import circular_error, ground_covariance
+from reproduce.physics.ground import circular_error
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.7, 0.3, 0.05, 0.001])
@@ -22,13 +22,6 @@ def test_limits_have_their_closed_forms():
     assert_allclose(circular_error(np.diag([1.0, 0.0])), 1.64485363, rtol=1e-8)
     assert circular_error(np.zeros((2, 2))) == 0.0
     assert_allclose(circular_error(np.eye(2), 0.5), np.sqrt(2 * np.log(2)), rtol=1e-6)
-
-
-def test_a_covariance_is_carried_with_its_correlation():
-    place = [6378137.0, 0.0, 0.0]
-    slopes = np.array([[0.0], [3.0], [4.0]])
-    found = ground_covariance(place, slopes, [[2.0]])
-    assert_allclose(found, 2.0 * np.array([[9.0, 12.0], [12.0, 16.0]]), atol=1e-12)
 
 
 def test_nonsense_is_refused():

@@ -17,8 +17,8 @@ from reproduce.papers.declare import Results, Rows, by_cell, reproduces, studied
 from reproduce.physics.attitude import rotation_from_vector, unit
 from reproduce.physics.ground import (
     circular_error,
-    ground_covariance,
     ground_jacobian,
+    local_axes,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -95,10 +95,10 @@ def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
     """
     looks = zip(*(_look(inputs, *look) for look in LOOKS), strict=True)
     positions, derivatives = ground_jacobian(*map(np.stack, looks))
-    covariances = {
-        name: ground_covariance(positions, derivatives[kind], np.diag(sigma**2))[:, 0]
-        for name, (kind, sigma) in _terms(inputs).items()
-    }
+    level, covariances = local_axes(positions[:, 0])[:, :2], {}
+    for name, (kind, sigma) in _terms(inputs).items():
+        errors = level @ derivatives[kind][:, 0] * sigma
+        covariances[name] = errors @ errors.mT
     for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE)):
         parts = [cov for name, cov in covariances.items() if not name.endswith(other)]
         covariances[f"all together, {mean}"] = np.sum(parts, axis=0)

@@ -3,7 +3,6 @@
 from reproduce.physics.ground.earth import EARTH_RADIUS, local_axes
 from reproduce.physics.ground.imaging import (
     circular_error,
-    ground_covariance,
     ground_jacobian,
     ground_resolution,
     image_vectors,

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from reproduce.physics.attitude import cross_matrix, unit
-from reproduce.physics.ground.earth import EARTH_AXES, local_axes
+from reproduce.physics.ground.earth import EARTH_AXES
 from reproduce.physics.validate import (
     Direction,
     Directions,
@@ -34,8 +34,6 @@ from reproduce.physics.validate import (
     valid,
 )
 
-_Slopes = Annotated[Any, (3, "k")]
-_Spread = Annotated[Any, ("k", "k")]
 _Plane = Annotated[Any, (2, 2)]
 # Directions over which a normal distribution in the plane is integrated.
 _SECTORS = 256
@@ -216,35 +214,6 @@ def ground_resolution(
     0.5
     """
     return pixel_pitch * altitude / focal_length
-
-
-@checked
-def ground_covariance(
-    position: Direction, jacobian: _Slopes, covariance: _Spread
-) -> FloatArray:
-    """Return the covariance of east and north due to a term of the imaging model.
-
-    Parameters
-    ----------
-    position : array_like, shape (..., 3)
-        Ground positions, Earth-fixed, in metres.
-    jacobian : array_like, shape (..., 3, k)
-        Derivative of the positions by k parameters, from `ground_jacobian`.
-    covariance : array_like, shape (..., k, k)
-        Covariance of the parameters.
-
-    Returns
-    -------
-    ndarray, shape (..., 2, 2)
-        Covariance, in m^2.
-
-    Examples
-    --------
-    >>> ground_covariance([6378137.0, 0, 0], np.eye(3), np.diag([9.0, 4.0, 1.0])).diagonal()
-    array([4., 1.])
-    """
-    onto = local_axes(position)[..., :2, :] @ jacobian
-    return onto @ covariance @ onto.mT
 
 
 @checked
