@@ -62,13 +62,13 @@ def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, 
     Examples
     --------
     >>> import numpy as np
-    >>> by_cell("shift-{}.{}", np.array([[1.0, 2.0]]), "x", ("red", "blue"))
-    {'shift-x.red': 1.0, 'shift-x.blue': 2.0}
+    >>> shifts = by_cell("shift-{}.{}", np.array([[1.0, 2.0]]), "x", ("red", "blue"))
+    >>> list(shifts), float(shifts["shift-x.blue"])
+    (['shift-x.red', 'shift-x.blue'], 2.0)
     """
     names = [form.format(*parts) for parts in product(*labels)]
     rows = values.reshape(len(names), *values.shape[len(labels) :])
-    results = rows.tolist() if rows.ndim == 1 else rows
-    return dict(zip(names, results, strict=True))
+    return dict(zip(names, rows, strict=True))
 
 
 @dataclass(frozen=True)
