@@ -161,7 +161,7 @@ def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Res
     if columns == "printed":
         motion = inputs["chen2023/table-5#5.motion-x"]
     length = telescope_length(inputs, columns, telescope)
-    return {"5.reference-y": float(stage_angle(motion, length))}
+    return {"5.reference-y": stage_angle(motion, length)}
 
 
 @reproduces(
@@ -282,7 +282,7 @@ def largest_angle(inputs: Inputs) -> Results:
     Implements: chen2023 (10).
     """
     travel = inputs["chen2023/text-effectiveness#maximum-travel"]
-    return {"simulated-angle": abs(float(stage_angle(travel, inputs[_QUOTED])))}
+    return {"simulated-angle": abs(stage_angle(travel, inputs[_QUOTED]))}
 
 
 @reproduces(

@@ -84,7 +84,7 @@ def ground_resolution(inputs: Inputs) -> Results:
         inputs["chen2023/table-1#multispectral-pixel-size.value"],
         altitude(inputs),
     )
-    return {"multispectral-ground-resolution.value": float(resolution)}
+    return {"multispectral-ground-resolution.value": resolution}
 
 
 @reproduces(
@@ -110,7 +110,7 @@ def focal_ratio(inputs: Inputs, *, tracker: str) -> Results:
 @reproduces("chen2023/text-satellite", cells=["dihedral-angle"], inputs=[BORESIGHT])
 def dichroic_tilt(inputs: Inputs) -> Results:
     """Compute the tilt of the dichroic mirror that reflects the laser light into the tracker."""
-    return {"dihedral-angle": float(fold_mirror_tilt(inputs[BORESIGHT]))}
+    return {"dihedral-angle": fold_mirror_tilt(inputs[BORESIGHT])}
 
 
 @reproduces("chen2023/text-satellite", cells=["table-angle"], inputs=[BORESIGHT])
@@ -226,5 +226,5 @@ def _heat(inputs: Inputs) -> Rows:
         angle = 1e-6 / camera / RADIANS_PER_ARCSEC
         motion = accuracy * camera
         kelvin = motion / (inputs[_EXPANSION] * inputs[DIAGONAL])
-        lengths = (camera / tracker, tracker * 1e3, np.degrees(float(view)))
+        lengths = (camera / tracker, tracker * 1e3, np.degrees(view))
         yield (name, *lengths, angle, motion * 1e6, kelvin)
