@@ -132,31 +132,29 @@ def sensitivities(
         half = np.where(flux > np.median(flux), 0.5, -0.5)
         terms["brightness"] = half[:, None, None] * jacobian
     factor, residuals = _whitened(problem, fit.parameters, problem.source)
-    columns = factor @ np.concatenate([jacobian, *terms.values()], axis=-1)
-    rows, residuals = columns.reshape(residuals.size, -1), residuals.ravel()
-    normal, pull = rows.T @ rows, rows.T @ residuals
-    sizes = {term: added.shape[-1] for term, added in terms.items()}
-    owner = np.repeat(["fit", *sizes], [count, *sizes.values()])
+    fitted, residuals = factor @ jacobian, residuals.ravel()
 
-    def stepped(term: str) -> tuple[FloatArray, FloatArray, float]:
+    def stepped(*terms: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return a step of Gauss-Newton, its errors for unit noise, and the squares left."""
-        used = np.isin(owner, ["fit", term])
+        columns = [fitted, *(factor @ term for term in terms)]
+        rows = np.concatenate(columns, axis=-1).reshape(residuals.size, -1)
         step, cofactor = normal_solution(
-            normal[used][:, used], pull[used], _MIN_INDEPENDENT**2
+            rows.T @ rows, rows.T @ residuals, _MIN_INDEPENDENT**2
         )
-        rest = residuals - rows[:, used] @ step
-        return step, np.sqrt(np.diagonal(cofactor)), (rest @ rest)
+        rest = residuals - rows @ step
+        return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
 
     freedom, changes = 2 * np.count_nonzero(problem.counts) - count, []
     # Stars that do not fix the model or a term have no solution.
     with suppress(validate.DegenerateGeometryError):
-        step, plain, squares = stepped("fit")
-        for term, number in sizes.items():
+        step, plain, squares = stepped()
+        for term, added in terms.items():
+            number = added.shape[-1]
             spare = freedom - number
             if spare <= 0:
                 continue
             with suppress(validate.DegenerateGeometryError):
-                moved, rich, left = stepped(term)
+                moved, rich, left = stepped(added)
                 noise = np.sqrt(left / spare)
                 # The F test does not depend on the scale of the errors.
                 gain = max(squares - left, 0.0) / number / noise**2
