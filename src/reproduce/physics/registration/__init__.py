@@ -38,7 +38,6 @@ from reproduce.physics.registration.transforms import (
     UNITS,
     Registration,
     error_field,
-    principal_point_shift,
     registered_image,
     rmse,
     rmse_per_axis,

@@ -275,36 +275,12 @@ class Registration:
 
 
 @checked
-def principal_point_shift(
-    principal_point: Point, reference_principal_point: Point
-) -> FloatArray:
-    """Return the shift of a channel against the reference: the difference of principal points.
-
-    Implements: niu2024 (14).
-
-    Parameters
-    ----------
-    principal_point, reference_principal_point : array_like, shape (..., 2)
-        Principal points of the channel and of the reference, in px.
-
-    Returns
-    -------
-    ndarray, shape (..., 2)
-        Channel minus reference, in px.
-
-    Examples
-    --------
-    >>> principal_point_shift((7, 9), (5, 10))
-    array([ 2., -1.])
-    """
-    return principal_point - reference_principal_point
-
-
-@checked
 def similarity_between(camera: Camera, reference: Camera) -> Registration:
     """Return the similarity that the imaging parameters of two channels imply.
 
     It is exact if both distortions are zero.
+
+    Implements: niu2024 (14).
 
     Parameters
     ----------
