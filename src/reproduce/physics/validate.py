@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 
@@ -23,8 +23,6 @@ R = TypeVar("R")
 C = TypeVar("C")
 # Largest error of the products of rows of a rotation matrix. Rounding errors are smaller.
 _ORTHOGONALITY_TOLERANCE = 1e-6
-# Rows that a warning names, at most.
-_MAX_ROWS = 5
 
 
 class DegenerateGeometryError(ValueError):
@@ -42,18 +40,6 @@ class Finding:
     kind: str
     text: str
     rows: tuple[int, ...] = ()
-
-
-def row_numbers(rows: Sequence[int]) -> str:
-    """Return the numbers of rows as text, the first five of them.
-
-    Examples
-    --------
-    >>> row_numbers([3, 4]), row_numbers(range(9))
-    ('rows 3, 4', 'rows 0, 1, 2, 3, 4, ...')
-    """
-    shown = ", ".join(map(str, rows[:_MAX_ROWS])) + ", ..." * (len(rows) > _MAX_ROWS)
-    return f"row{'s' * (len(rows) > 1)} {shown}"
 
 
 def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:

@@ -5,7 +5,7 @@ Image points have shape (n, 2), in px, as in `fit`. One diagnosis serves arrays,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -25,7 +25,7 @@ from reproduce.physics.registration.fit import (
     _whitened,
     fit_problem,
 )
-from reproduce.physics.validate import Finding, FloatArray, row_numbers
+from reproduce.physics.validate import Finding, FloatArray
 
 # Probability of a warning of the model if it is right, and of the errors if they are right.
 FALSE_ALARM = 0.05
@@ -42,6 +42,8 @@ _MAX_SAMPLE = 200
 _MIN_FREEDOM = 4
 # Smallest number of stars with which a robust fit can detect two wrong matches.
 _MIN_STARS_ROBUST = 8
+# Rows that a warning names, at most.
+_MAX_ROWS = 5
 # Smallest span, in px, and largest ratio of the spans of two images in pixels.
 _MIN_SPAN, _MAX_RATIO = 50.0, 20.0
 # Largest distance of the pivot from the stars, in fields. Beyond, the shift loses digits.
@@ -376,7 +378,7 @@ def _stars(fit: RegistrationFit) -> Iterator[Finding]:
         rows = np.setdiff1d(np.arange(count), np.intersect1d(first, other)).tolist()
         text = f"{len(rows)} of {count} rows repeat a star of an earlier row"
         if rows:
-            yield Finding("duplicate", f"{text} ({row_numbers(rows)})", tuple(rows))
+            yield Finding("duplicate", f"{text} ({_row_numbers(rows)})", tuple(rows))
     sides = np.linalg.svd(part[0] - part[0].mean(axis=0), compute_uv=False)
     if count > 2 and sides[1] <= _LINE_RATIO * sides[0]:
         text = "the stars lie in a line: their mirror image would fit as well"
@@ -435,10 +437,16 @@ def _rejected(fit: RegistrationFit, kind: str, remedy: str) -> Iterator[Finding]
     rows, lengths = np.flatnonzero(fit.rejected), np.sqrt(fit.squares)
     if len(rows):
         rows = rows[np.argsort(-lengths[rows])]
-        named = f"{row_numbers(rows.tolist())}, up to {lengths[rows[0]]:.3g} px"
+        named = f"{_row_numbers(rows.tolist())}, up to {lengths[rows[0]]:.3g} px"
         exact = ", which fit exactly" * fits_exactly(fit)
         text = f"{len(rows)} of {len(lengths)} stars do not fit the others{exact} ({named})"
         yield Finding(kind, text + remedy, tuple(rows.tolist()))
+
+
+def _row_numbers(rows: Sequence[int]) -> str:
+    """Return the numbers of rows as text, the first five of them."""
+    shown = ", ".join(map(str, rows[:_MAX_ROWS])) + ", ..." * (len(rows) > _MAX_ROWS)
+    return f"row{'s' * (len(rows) > 1)} {shown}"
 
 
 def _term_finding(
