@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.store.points import FilePath
+
 FloatArray = NDArray[np.floating]
 
 # The end of a FITS file name, and the extension in brackets behind it.
@@ -49,7 +51,7 @@ def is_image(source: Any) -> bool:
     >>> is_image("stars.csv"), is_image(np.zeros((99, 2))), is_image(np.zeros((99, 64)))
     (False, False, True)
     """
-    if isinstance(source, str | Path):
+    if isinstance(source, FilePath):
         name = _FITS.fullmatch(str(source))
         if name is None or name["extension"]:
             return name is not None
@@ -70,7 +72,7 @@ def are_separate(source: Any, target: Any) -> bool:
     (True, False)
     """
     pair = source, target
-    return all(isinstance(one, str | Path) for one in pair) or any(
+    return all(isinstance(one, FilePath) for one in pair) or any(
         is_image(one) or hasattr(one, "rejected") for one in pair
     )
 
@@ -102,10 +104,9 @@ def read_image(
     ImageError
         If the source is not one two-dimensional image with different pixels.
     """
-    if isinstance(source, str | Path):
-        name = Path(source).name
-    with reading(name):
-        if isinstance(source, str | Path):
+    is_file = isinstance(source, FilePath)
+    with reading(Path(source).name if is_file else name):
+        if is_file:
             source = _from_fits(str(source))
         uncertainty = getattr(source, "uncertainty", None)
         if hasattr(source, "uncertainty"):

@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from reproduce.physics.validate import FloatArray, Points, checked, number_array
 
+# Types of the name of a file.
+FilePath = str | Path
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
 _PIXEL_UNITS = ("px", "pix", "pixel", "pixels")
@@ -84,7 +86,7 @@ class DataTable:
 
 
 @contextmanager
-def computing(path: str | Path) -> Iterator[None]:
+def computing(path: FilePath) -> Iterator[None]:
     """Raise an error of the file if its numbers overflow or divide by zero."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -104,7 +106,7 @@ def is_table(source: object) -> bool:
     >>> is_table("stars.csv"), is_table({"x": [1, 2]}), is_table([[1, 2]])
     (True, True, False)
     """
-    return isinstance(source, str | Path) or _headings(source) is not None
+    return isinstance(source, FilePath) or _headings(source) is not None
 
 
 def _headings(source: Any) -> Sequence[Any] | None:
@@ -129,7 +131,7 @@ def read_table(
     contains the columns in their order. Errors use `name` for a source that is not a file.
     """
     content = None
-    if isinstance(source, str | Path):
+    if isinstance(source, FilePath):
         name = "standard input" if str(source) == "-" else str(source)
         content = _content(name, source)
         source = _parsed(name, content, sep)
@@ -205,7 +207,7 @@ def _numbers(
     return np.ma.filled(array.astype(np.float64, copy=False), np.nan)
 
 
-def _content(name: str, path: str | Path) -> bytes:
+def _content(name: str, path: FilePath) -> bytes:
     if str(path) == "-":
         return sys.stdin.buffer.read()
     if Path(path).is_char_device():  # it may never end

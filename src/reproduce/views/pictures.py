@@ -23,6 +23,7 @@ from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
     STARS,
+    FilePath,
     brightness,
     covariances,
     read_table,
@@ -87,7 +88,7 @@ def stars(
         )
     if isinstance(source, Stars):
         return source
-    name = str(source) if isinstance(source, str | Path) else name
+    name = str(source) if isinstance(source, FilePath) else name
     columns: dict[str, Any]
     if has_pixels:
         pixels, saturation, noise = read_image(source, name)
@@ -133,7 +134,11 @@ def stars(
 
 
 def match(
-    source: Any, target: Any, start: Any = None, radius: float | None = None
+    source: Any,
+    target: Any,
+    start: Any = None,
+    radius: float | None = None,
+    pivot: ArrayLike | None = None,
 ) -> pd.DataFrame:
     """Match the stars of two images or lists.
 
@@ -147,10 +152,13 @@ def match(
         Both images or lists, in any order of rows.
     start : Registration, RegistrationResult or array_like, shape (4,), optional
         Rough transform, under which the stars of a pair are neighbours. An array contains scale,
-        rotation in radians and shift in px about the middle of the image, or the mean of the stars
-        of a list, as in ``register(...).parameters``. Default: found from the stars.
+        rotation in radians and shift in px about the pivot, as in ``register(...).parameters``.
+        Default: found from the stars.
     radius : float, optional
         Largest distance between the stars of a pair, in px. Default: 2 px and 1/1000 of the field.
+    pivot : array_like, shape (2,), optional
+        Pivot of an array `start`, in px. Default: middle of the image, or mean of the stars of a
+        list.
 
     Returns
     -------
@@ -181,7 +189,8 @@ def match(
                 f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
                 "in radians, and shift in x and y in px"
             )
-        start = Registration("similarity", start, first.middle)
+        middle = first.middle if pivot is None else pivot
+        start = Registration("similarity", start, middle)
     with reading(f"{first.name} and {second.name}"):
         rows, transform = match_points(first.points, second.points, near, start)
     a, b = rows.T
@@ -282,9 +291,7 @@ class PairedRegistration(RegistrationResult):
         second = stars(target, threshold=threshold, sep=sep, name="target")
         self.source_stars, self.target_stars = first, second
         pivot = first.middle if pivot is None else pivot
-        if np.shape(start) == (4,):
-            start = Registration("similarity", start, pivot)
-        pairs = match(first, second, start, radius)
+        pairs = match(first, second, start, radius, pivot)
         row, other = pairs[["row", "row_reference"]].to_numpy().T
         weights, self.extra_scatter = pair_weights(
             first.points[row],
