@@ -63,16 +63,6 @@ class Problem:
             source_covariance=self.source_covariance[..., rows, :, :],
         )
 
-    def mirrored(self) -> Problem:
-        """Return the problem of the mirror image of the source."""
-        flip = np.array([-1.0, 1.0])
-        return replace(
-            self,
-            source=self.source * flip,
-            pivot=self.pivot * flip,
-            source_covariance=self.source_covariance * np.outer(flip, flip),
-        )
-
     def closed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the similarity of the points, as in `closed_similarity`."""
         return closed_similarity(self.source, self.target, self.pivot, self.counts)

@@ -162,8 +162,6 @@ def check_not_mirrored(
 
 def check_ratio(freedom: Any, residual: FloatArray, mirrored: FloatArray) -> None:
     """Raise `MirroredPointsError` if a mirror image has much smaller squared residuals."""
-    if not (residual > mirrored).any():
-        return
     from scipy.special import fdtri  # this import takes longer than most fits
 
     denominator = np.maximum(freedom, 1)

@@ -26,6 +26,7 @@ from reproduce.physics.registration._least_squares import (
     thinned,
 )
 from reproduce.physics.registration._similarity import (
+    ComplexArray,
     as_complex,
     check_ratio,
     squared,
@@ -273,15 +274,13 @@ def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
     >>> fit_problem(prepare([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0))).parameters + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    if not robust:
-        return _solved(problem)
-    right = _right_matches(problem)
-    rejected = ~right & (problem.counts > 0)
-    return replace(_solved(problem, right), robust=True, rejected=rejected)
+    used = _right_matches(problem) if robust else np.True_
+    return replace(_solved(problem, used), robust=robust)
 
 
-def _solved(problem: Problem, used: bool | NDArray[np.bool_] = True) -> RegistrationFit:
-    """Return the fit of the used points, by default of all."""
+def _solved(problem: Problem, used: np.bool_ | NDArray[np.bool_]) -> RegistrationFit:
+    """Return the fit of the used points."""
+    rejected = (problem.counts > 0) & ~used
     problem = replace(problem, counts=problem.counts * used)
     if problem.model == "similarity" and not problem.errors_known:
         parameters, residuals, cofactor = problem.closed()
@@ -296,7 +295,7 @@ def _solved(problem: Problem, used: bool | NDArray[np.bool_] = True) -> Registra
         chi_square,
         cofactor,
         points,
-        rejected=np.zeros(problem.counts.shape, dtype=bool),
+        rejected,
     )
 
 
@@ -315,10 +314,21 @@ def _right_matches(problem: Problem) -> NDArray[np.bool_]:
     """Return the points that fit each other, shape (..., n)."""
     rows = thinned(problem.source.shape[-2], _MAX_TESTED)
     part = problem.rows(rows)
+    weighted = part.counts > 0
+    count = weighted.sum(axis=-1).min()
+    if count < _MIN_STARS_ROBUST:
+        raise validate.DegenerateGeometryError(
+            f"source: expected {_MIN_STARS_ROBUST} or more points for a robust fit, got {count}. "
+            "Add points, or pass robust=False"
+        )
+    source, target = (
+        np.where(weighted, as_complex(points), np.nan)
+        for points in (part.source, part.target)
+    )
     median = partial(np.nanquantile, q=0.5, axis=-1, method="higher")
-    squares = _median_squares(part)
+    squares = _median_squares(source, target)
     if part.model != "affine":
-        mirrored = median(_median_squares(part.mirrored()))
+        mirrored = median(_median_squares(source.conj(), target))
         check_ratio(2 * part.source.shape[-2] - 4, median(squares), mirrored)
     # Half of four points, or of five, would fit an affine model exactly.
     least = np.sort(squares)[..., len(MODELS[part.model]) // 2]
@@ -360,24 +370,13 @@ def _fitting(problem: Problem, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.where(freedom > 0, accepted, used)
 
 
-def _median_squares(problem: Problem) -> FloatArray:
+def _median_squares(source: ComplexArray, target: ComplexArray) -> FloatArray:
     """Return squared residuals of the similarity of the repeated median, shape (..., n).
 
-    They are NaN for points of weight zero. Fewer than four points, or half of them in one place,
-    raise `DegenerateGeometryError`.
+    They are NaN for points that are NaN. If half of the points are in one place, an error is
+    raised.
     """
-    used = problem.counts > 0
-    n = used.sum(axis=-1).min()
-    if n < _MIN_STARS_ROBUST:
-        raise validate.DegenerateGeometryError(
-            f"source: expected {_MIN_STARS_ROBUST} or more points for a robust fit, got {n}. Add "
-            "points, or pass robust=False"
-        )
-    part = thinned(problem.source.shape[-2], _MAX_PAIRED)
-    source, target = (
-        np.where(used, as_complex(points), np.nan)
-        for points in (problem.source, problem.target)
-    )
+    part = thinned(source.shape[-1], _MAX_PAIRED)
     between, across = (
         image[..., part, None] - image[..., None, part] for image in (source, target)
     )
@@ -385,21 +384,16 @@ def _median_squares(problem: Problem) -> FloatArray:
     with np.errstate(invalid="ignore"):
         ratio = across / between
     # A point without partners has no median and is left out of the next one.
-    real, imaginary = (_median(_median(part)) for part in (ratio.real, ratio.imag))
+    real, imaginary = (_median(_median(axis)) for axis in (ratio.real, ratio.imag))
     factor = real + 1j * imaginary
     if not (np.isfinite(factor) & (factor != 0)).all():
         raise validate.DegenerateGeometryError(
             "source: expected points apart from each other, got half of them or more in one "
             "place. Check the matches"
         )
-    pivot = as_complex(problem.pivot)
-    moved = target - factor[..., None] * (source - pivot[..., None])
-    x, y = (_median(part) for part in (moved.real, moved.imag))
-    shift = pivot.real - x, pivot.imag - y
-    parameters = np.stack([np.abs(factor), np.angle(factor), *shift], axis=-1)
-    image = replace(problem, model="similarity")
-    _, residuals = _whitened(image, parameters, problem.source)
-    return np.where(used, np.vecdot(residuals, residuals), np.nan)
+    moved = target - factor[..., None] * source
+    x, y = (axis - _median(axis)[..., None] for axis in (moved.real, moved.imag))
+    return np.square(x) + np.square(y)
 
 
 def _median(values: FloatArray) -> FloatArray:
