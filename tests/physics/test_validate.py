@@ -15,6 +15,7 @@ from reproduce import physics
 from reproduce.physics import attitude, ground, images, optics, registration
 from reproduce.physics.validate import (
     DegenerateGeometryError,
+    MirroredPointsError,
     NonNegative,
     Number,
     Points,
@@ -271,7 +272,7 @@ def test_a_fit_of_any_points_is_finite_or_an_error(data):
     )
     try:
         fit = registration.fit_registration(source, target, (0.0, 0.0))
-    except DegenerateGeometryError:
+    except (DegenerateGeometryError, MirroredPointsError):
         return
     assert np.isfinite(fit.parameters).all()
     assert np.isfinite(fit.cofactor).all()

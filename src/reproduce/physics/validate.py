@@ -29,7 +29,7 @@ class DegenerateGeometryError(ValueError):
     """The observations do not determine every parameter."""
 
 
-class MirroredPointsError(DegenerateGeometryError):
+class MirroredPointsError(ValueError):
     """The target points are a mirror image of the source points."""
 
 

@@ -6,6 +6,7 @@ target point, f the transform and u its parameters.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,11 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import validate
-from reproduce.physics.registration._similarity import (
-    centred,
-    check_not_mirrored,
-    closed_similarity,
-)
+from reproduce.physics.registration._similarity import closed_similarity
 from reproduce.physics.registration.transforms import (
     MODELS,
     Registration,
@@ -227,16 +224,16 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
 
 
 def _starting_point(problem: Problem) -> FloatArray:
-    """Return parameters near the minimum, shape (..., p), from a closed form."""
+    """Return parameters near the minimum, shape (..., p), from a closed form.
+
+    A linear model needs none: its identity is suitable.
+    """
     count = len(MODELS[problem.model])
     start = np.zeros((*problem.pivot.shape[:-1], count))
     if problem.model == "affine":
-        start[..., [0, 3]] = 1.0  # linear: any matrix with an inverse is suitable
-    elif problem.model == "shift":
-        # Linear, too. But the target may be mirrored.
-        images = problem.source, problem.target
-        offsets, targets = (centred(image, problem.counts)[0] for image in images)
-        check_not_mirrored(offsets, targets, problem.counts)
-    else:
+        start[..., [0, 3]] = 1.0
+        return start
+    # Coincident points determine a shift.
+    with suppress(validate.DegenerateGeometryError):
         start[..., :4] = problem.closed()[0][..., -count:]
     return start

@@ -85,16 +85,16 @@ def closed_similarity(
     array([ 2.,  0., -3.,  0.])
     """
     # Sums of squares about the centroids lose no digits, wherever the pivot is.
-    offsets, centroid = centred(source, weights)
+    offsets, centroid = _centred(source, weights)
     # Displacements are small if both images are similar, so their sums keep their digits.
-    moved, drift = centred(target - source, weights)
+    moved, drift = _centred(target - source, weights)
     weighted, total = weights * offsets, weights.sum(axis=-1)
     spread = np.vecdot(offsets, weighted).real
     _check_spread("source", spread, total, centroid)
     change = np.vecdot(weighted, moved) / spread
     factor = 1.0 + change
     scale = np.abs(factor)
-    check_not_mirrored(offsets, offsets + moved, weights)
+    _check_not_mirrored(offsets, offsets + moved, weights, spread, scale)
     _check_spread("target", scale**2 * spread, total, centroid + drift)
     lever = centroid - as_complex(pivot)
     shift = change * lever - drift
@@ -113,7 +113,7 @@ def closed_similarity(
     return np.stack(columns, axis=-1), as_points(residuals), cofactor
 
 
-def centred(
+def _centred(
     points: FloatArray, weights: FloatArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return points minus their weighted mean, and the mean."""
@@ -138,8 +138,12 @@ def _check_spread(
         )
 
 
-def check_not_mirrored(
-    offsets: ComplexArray, targets: ComplexArray, weights: FloatArray
+def _check_not_mirrored(
+    offsets: ComplexArray,
+    targets: ComplexArray,
+    weights: FloatArray,
+    spread: FloatArray,
+    scale: FloatArray,
 ) -> None:
     """Raise `MirroredPointsError` if the target mirrors the source; both minus their means.
 
@@ -147,16 +151,12 @@ def check_not_mirrored(
     source itself that chance does not explain it: for noise only, and a source that is its own
     mirror image, the ratio follows the F distribution. Two points are never a mirror image.
     """
-    weighted = weights * targets
-    products = [np.abs(np.vecdot(o, weighted)) for o in (offsets, offsets.conj())]
-    if not (products[1] > products[0]).any():
+    mirrored = np.abs(np.vecdot(offsets.conj(), weights * targets)) / spread
+    if not (mirrored > scale).any():
         return
-    spread, target_spread = (
-        (weights * squared(numbers)).sum(axis=-1) for numbers in (offsets, targets)
-    )
     # A rounding error counts as a residual.
-    total = (1 + _ROUNDING_ERROR) * target_spread
-    residuals = (total - product**2 / spread for product in products)
+    total = (1 + _ROUNDING_ERROR) * (weights * squared(targets)).sum(axis=-1)
+    residuals = (total - factor**2 * spread for factor in (scale, mirrored))
     check_ratio(2 * np.count_nonzero(weights, axis=-1) - 4, *residuals)
 
 

@@ -354,8 +354,6 @@ def _robust(problem: Problem) -> RegistrationFit | None:
     """Return the robust fit, or None if the stars are too few or coincide."""
     try:
         return fit_problem(problem, robust=True)
-    except validate.MirroredPointsError:
-        raise
     except (validate.DegenerateGeometryError, np.linalg.LinAlgError):
         return None
 
@@ -475,7 +473,7 @@ def _term_finding(
 
 def _improves(fit: RegistrationFit, model: str) -> bool:
     """Return whether another model fits better; the affine model has no radial term."""
-    with suppress(validate.DegenerateGeometryError):  # of mirrored stars, for example
+    with suppress(validate.DegenerateGeometryError, validate.MirroredPointsError):
         other = fit_problem(replace(fit.problem, model=model))
         return bool(other.chi_square < fit.chi_square)
     return False
