@@ -165,20 +165,18 @@ class Registration:
         """Parameters by name, shape (..., 1); a model without one has that of the identity."""
         columns = np.moveaxis(self.parameters, -1, 0)[..., None]
         zero = 0 * columns[0]
-        identity = {"scale": 1 + zero, "rotation": zero, "radial": zero}
+        identity = {"rotation": zero, "radial": zero, "xy": zero, "yx": zero}
+        identity |= dict.fromkeys(("scale", "xx", "yy"), 1 + zero)
         return identity | dict(zip(MODELS[self.model], columns, strict=True))
 
     @property
     def _terms(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """Numbers a, b and c, shape (..., 1), of the image a q (1 + c |q|^2) + b conj(q) of q."""
         known = self._values
-        if self.model == "affine":
-            # The images of x and y.
-            x, y = (as_complex(self.parameters[..., [i, i + 2]]) for i in (0, 1))
-            along, across = (x - 1j * y)[..., None] / 2, (x + 1j * y)[..., None] / 2
-            return along, across, known["radial"]
         factor = known["scale"] * np.exp(1j * known["rotation"])
-        return factor, 0 * factor, known["radial"]
+        # The images of x and y by the matrix of an affine model.
+        x, y = known["xx"] + 1j * known["yx"], known["xy"] + 1j * known["yy"]
+        return factor * (x - 1j * y) / 2, (x + 1j * y) / 2, known["radial"]
 
     def _offsets(self, points: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return points about the pivot, and their squared distances from it, shape (..., n)."""
