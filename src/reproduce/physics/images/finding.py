@@ -281,9 +281,8 @@ class _SpotFit:
         self.variance = self.dark + self.model / gain
         self.radius = radius
         # In radii, from the centre.
-        places = (corners - self.centre)[..., None] + np.arange(size)
-        x, y = np.moveaxis(places / radius, 1, 0)
-        self.x, self.y = np.broadcast_arrays(x[:, None], y[..., None])
+        first = (corners - self.centre).T[::-1, :, None, None]
+        self.y, self.x = (first + np.indices((size, size))[:, None]) / radius
 
     def weight(self, width: float) -> FloatArray:
         """Return a Gaussian around the centre, whose width is in radii."""
