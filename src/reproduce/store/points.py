@@ -146,7 +146,7 @@ def read_table(
             )
         extra = (column for column in optional if column in names)
         numbers = {}
-        for column in dict.fromkeys([*columns, *extra]):
+        for column in (*columns, *extra):
             # pandas calls the second column with the name x in a file x.1.
             if names.count(column) != 1 or f"{column}.1" in names:
                 shown = ", ".join(repr(one[:40]) for one in names[:_MAX_NAMES])

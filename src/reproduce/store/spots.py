@@ -29,7 +29,7 @@ Images = tuple[FloatArray, FloatArray]
 
 
 def read_images(
-    count: int, spots: Any, zero: Any = None, sep: str | None = None
+    count: int, spots: Any, zero: Any, sep: str | None
 ) -> tuple[Images, Any]:
     """Return the images of both groups, and labels of those at the present.
 

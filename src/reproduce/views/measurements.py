@@ -96,7 +96,7 @@ class UserResult(Display):
     @property
     def source(self) -> str:
         """Source code of the function that computes it."""
-        return inspect.getsource(inspect.unwrap(self._function)).rstrip()
+        return inspect.getsource(self._function).rstrip()
 
     @property
     def remarks(self) -> list[str]:
@@ -171,7 +171,7 @@ class RegistrationResult(UserResult):
         exact = any(finding.kind == "exact" for finding in self.findings)
         self._errors: FloatArray = np.where(exact, np.nan, fit.standard_errors)
         self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
-        self.model, self.transform = str(fit.model), fit.transform
+        self.model, self.transform = fit.model, fit.transform
         self.parameters, self.residuals = fit.parameters, fit.residuals
         self.title = (
             f"{fit.model} from {len(fit.residuals)} stars, pivot ({pivot[0]:.6g}, "
@@ -327,13 +327,7 @@ class MisalignmentResult(UserResult):
 
     _rows = "angles"
 
-    def __init__(
-        self,
-        spots: Any,
-        zero: Any = None,
-        platform: Any = None,
-        sep: str | None = None,
-    ) -> None:
+    def __init__(self, spots: Any, zero: Any, platform: Any, sep: str | None) -> None:
         # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, platform_of
         from reproduce.physics.attitude import diagnosis, monitored

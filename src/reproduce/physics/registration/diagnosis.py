@@ -464,10 +464,10 @@ def _term_finding(
     change = f"{fit.names[worst]} by {largest:z.2g} standard deviations"
     text = _TERM_TEXTS[kind].format(term=term.term, p=term.p_value, change=change)
     model = _RICHER_MODELS.get(term.term)
-    if model and not _improves(fit, model):
-        model = None
-    if model:
+    if model and _improves(fit, model):
         text += f'. Pass model="{model}"'
+    else:
+        model = None
     return [Finding(kind, text)], model if kind == "model" else None
 
 
