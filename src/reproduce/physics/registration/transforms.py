@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.optics import Camera, turned_onto_detector
 from reproduce.physics.registration._similarity import (
@@ -144,8 +144,7 @@ class Registration:
     @property
     def matrix(self) -> FloatArray:
         """Linear part about the pivot, shape (..., 2, 2)."""
-        along, across, _ = self._terms
-        return _real_matrices(along, across)[..., 0, :, :]
+        return self.derivative(self.pivot[..., None, :])[..., 0, :, :]
 
     @property
     def shift(self) -> FloatArray:
@@ -169,19 +168,18 @@ class Registration:
         identity |= dict.fromkeys(("scale", "xx", "yy"), 1 + zero)
         return identity | dict(zip(MODELS[self.model], columns, strict=True))
 
-    @property
-    def _terms(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-        """Numbers a, b and c, shape (..., 1), of the image a q (1 + c |q|^2) + b conj(q) of q."""
+    def _terms(self, points: FloatArray) -> tuple[NDArray[Any], ...]:
+        """Return a, b, c, q and |q|^2 of the images a q (1 + c |q|^2) + b conj(q) of points.
+
+        The offsets q from the pivot have shape (..., n), and a, b and c have shape (..., 1).
+        """
         known = self._values
         factor = known["scale"] * np.exp(1j * known["rotation"])
         # The images of x and y by the matrix of an affine model.
         x, y = known["xx"] + 1j * known["yx"], known["xy"] + 1j * known["yy"]
-        return factor * (x - 1j * y) / 2, (x + 1j * y) / 2, known["radial"]
-
-    def _offsets(self, points: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        """Return points about the pivot, and their squared distances from it, shape (..., n)."""
+        along, across = factor * (x - 1j * y) / 2, (x + 1j * y) / 2
         offsets = as_complex(points - self.pivot[..., None, :])
-        return offsets, squared(offsets)
+        return along, across, known["radial"], offsets, squared(offsets)
 
     @checked
     def apply(self, points: Points) -> FloatArray:
@@ -197,14 +195,14 @@ class Registration:
         ndarray, shape (..., n, 2)
             Positions in the target, in px.
         """
-        (along, across, radial), (offsets, squares) = self._terms, self._offsets(points)
+        along, across, radial, offsets, squares = self._terms(points)
         image = as_complex(self.pivot - self.shift)[..., None]
         bent = along * offsets * (1 + radial * squares)
         return as_points(bent + across * offsets.conj() + image)
 
     def derivative(self, points: FloatArray) -> FloatArray:
         """Return the derivatives of registered points by the source points, (..., n, 2, 2)."""
-        (along, across, radial), (offsets, squares) = self._terms, self._offsets(points)
+        along, across, radial, offsets, squares = self._terms(points)
         bend = along * radial
         return _real_matrices(along + 2 * bend * squares, across + bend * offsets**2)
 
@@ -213,7 +211,7 @@ class Registration:
 
         In px per unit of the parameter.
         """
-        known, (offsets, squares) = self._values, self._offsets(points)
+        known, (*_, offsets, squares) = self._values, self._terms(points)
         turned = np.exp(1j * known["rotation"]) * offsets
         bent, scale = turned * (1 + known["radial"] * squares), known["scale"]
         columns = {
