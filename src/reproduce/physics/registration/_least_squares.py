@@ -153,10 +153,14 @@ def _covariance(
         ) from error
 
 
-def normal_solution(
-    normal: FloatArray, pull: FloatArray, smallest: float = _MIN_EIGENVALUE
+def gauss_newton(
+    rows: FloatArray,
+    residuals: FloatArray,
+    weighted: FloatArray,
+    smallest: float = _MIN_EIGENVALUE,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the solution (..., p) of normal equations, and the inverse of their matrix."""
+    """Return the step (..., p) and the inverse normal matrix (..., p, p) of rows (..., m, p)."""
+    normal = rows.mT @ weighted
     length = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
     outer = length[..., :, None] * length[..., None, :]
     # The columns of the scaled matrix have length one.
@@ -167,15 +171,8 @@ def normal_solution(
             "coincident or collinear ones. Add points across the field, or fit a simpler model"
         )
     inverse = np.linalg.inv(scaled) / outer
-    return (inverse @ pull[..., None])[..., 0], inverse
-
-
-def gauss_newton(
-    rows: FloatArray, residuals: FloatArray, weighted: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the step (..., p) and the inverse normal matrix (..., p, p) of rows (..., m, p)."""
-    pull = weighted.mT @ residuals[..., None]
-    return normal_solution(rows.mT @ weighted, pull[..., 0])
+    step = inverse @ (weighted.mT @ residuals[..., None])
+    return step[..., 0], inverse
 
 
 def iterated(problem: Problem) -> tuple[FloatArray, ...]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
     Problem,
-    normal_solution,
+    gauss_newton,
     thinned,
 )
 from reproduce.physics.registration._similarity import as_complex, as_points, squared
@@ -140,9 +140,7 @@ def sensitivities(
         """Return a step of Gauss-Newton, its errors for unit noise, and the squares left."""
         columns = [fitted, *(factor @ term for term in terms)]
         rows = np.concatenate(columns, axis=-1).reshape(residuals.size, -1)
-        step, cofactor = normal_solution(
-            rows.T @ rows, rows.T @ residuals, _MIN_INDEPENDENT**2
-        )
+        step, cofactor = gauss_newton(rows, residuals, rows, _MIN_INDEPENDENT**2)
         rest = residuals - rows @ step
         return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
 
