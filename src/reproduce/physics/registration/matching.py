@@ -6,7 +6,7 @@ of neighbours, whose shapes do not change under a similarity. Points are in px, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
 
@@ -86,9 +86,11 @@ def match_points(
     (True, array([[104.,   4.]]))
     """
     radius = float(positive("radius", radius))
-    found: Iterable[tuple[IntArray, float]] = _candidates(source, target, radius)
-    if start is not None:
-        found = [(neighbours(start.apply(source), target, radius), 0.0)]
+    found = (
+        _candidates(source, target, radius)
+        if start is None
+        else [(neighbours(start.apply(source), target, radius), 0.0)]
+    )
     for rows, chance in found:
         if len(rows) >= _MIN_COMMON and chance < _MAX_CHANCE:
             return _refined(rows, source, target, radius)
