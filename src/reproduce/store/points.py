@@ -6,7 +6,6 @@ SExtractor catalogues. Rows are counted from zero, below the names of a file.
 
 from __future__ import annotations
 
-import re
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,8 +26,6 @@ FilePath = str | Path
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
 _PIXEL_UNITS = ("px", "pix", "pixel", "pixels")
-# Columns that are lengths on the detector.
-_LENGTH_COLUMNS = re.compile(r"(x|y)(_reference)?|sigma(_[xy])?")
 # Formats that Astropy reads, by the end of a file name.
 _ASTROPY_FORMATS = {
     ".ecsv": "ascii.ecsv",
@@ -39,7 +36,7 @@ _ASTROPY_FORMATS = {
     ".xml": "votable",
     ".cat": "ascii.sextractor",
 }
-# Stars of one channel: their places there and in the reference channel, in px.
+# Stars of one channel: their places there and in the reference channel, and their errors, in px.
 STARS = ("x", "y", "x_reference", "y_reference")
 SIGMAS = ("sigma", "sigma_x", "sigma_y")
 # Columns that an error names, at most.
@@ -185,7 +182,7 @@ def _numbers(
     """Return a column, or an array of columns, with NaN for other entries; lengths are in px."""
     given = getattr(column, "unit", getattr(column, "units", None))
     unit = str(given or "px").lower()
-    if unit not in _PIXEL_UNITS and _LENGTH_COLUMNS.fullmatch(name):
+    if unit not in _PIXEL_UNITS and name in (*STARS, *SIGMAS):
         raise TableFileError(
             f"{place}: expected px, got {unit}. Convert the lengths to px"
         )
