@@ -134,27 +134,27 @@ def sensitivities(
         half = np.where(flux > np.median(flux), 0.5, -0.5)
         terms["brightness"] = half[:, None, None] * jacobian
     factor, residuals = _whitened(problem, fit.parameters, problem.source)
-    fitted, residuals = factor @ jacobian, residuals.ravel()
+    columns = factor @ np.concatenate([jacobian, *terms.values()], axis=-1)
+    rows, residuals = columns.reshape(residuals.size, -1), residuals.ravel()
 
-    def stepped(*terms: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    def stepped(used: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return a step of Gauss-Newton, its errors for unit noise, and the squares left."""
-        columns = [fitted, *(factor @ term for term in terms)]
-        rows = np.concatenate(columns, axis=-1).reshape(residuals.size, -1)
-        step, cofactor = gauss_newton(rows, residuals, rows, _MIN_INDEPENDENT**2)
-        rest = residuals - rows @ step
+        step, cofactor = gauss_newton(used, residuals, used, _MIN_INDEPENDENT**2)
+        rest = residuals - used @ step
         return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
 
     freedom, changes = 2 * np.count_nonzero(problem.counts) - count, []
     # Stars that do not fix the model or a term have no solution.
     with suppress(validate.DegenerateGeometryError):
-        step, plain, squares = stepped()
+        step, plain, squares = stepped(rows[:, :count])
+        end = count
         for term, added in terms.items():
             number = added.shape[-1]
-            spare = freedom - number
+            spare, end = freedom - number, end + number
             if spare <= 0:
                 continue
             with suppress(validate.DegenerateGeometryError):
-                moved, rich, left = stepped(added)
+                moved, rich, left = stepped(rows[:, np.r_[:count, end - number : end]])
                 noise = np.sqrt(left / spare)
                 # The F test does not depend on the scale of the errors.
                 gain = max(squares - left, 0.0) / number / noise**2
@@ -359,7 +359,7 @@ def _robust(problem: Problem) -> RegistrationFit | None:
 def _stars(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warnings of the positions of the stars."""
     both, count = [fit.problem.source, fit.problem.target], len(fit.residuals)
-    part = np.stack(both)[:, thinned(count, _LARGE_FIELD)]
+    part = np.stack([image[thinned(count, _LARGE_FIELD)] for image in both])
     span = np.ptp(part, axis=1).max()
     # Wrong matches do not change the medians.
     centred = np.abs(part - np.median(part, axis=1, keepdims=True))
