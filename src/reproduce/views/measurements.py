@@ -171,10 +171,10 @@ class RegistrationResult(UserResult):
         exact = any(finding.kind == "exact" for finding in self.findings)
         self._errors: FloatArray = np.where(exact, np.nan, fit.standard_errors)
         self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
-        self.model, self.transform = fit.model, fit.transform
+        self.model, self.transform = fit.transform.model, fit.transform
         self.parameters, self.residuals = fit.parameters, fit.residuals
         self.title = (
-            f"{fit.model} from {len(fit.residuals)} stars, pivot ({pivot[0]:.6g}, "
+            f"{self.model} from {len(fit.residuals)} stars, pivot ({pivot[0]:.6g}, "
             f"{pivot[1]:.6g}) px"
         )
         self._facts = {

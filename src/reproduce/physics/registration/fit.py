@@ -93,14 +93,9 @@ class RegistrationFit:
         return self.problem.errors_known
 
     @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.transform.model
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
-        return MODELS[self.model]
+        return MODELS[self.transform.model]
 
     @property
     def parameters(self) -> FloatArray:
