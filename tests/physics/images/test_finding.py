@@ -109,7 +109,7 @@ def test_an_image_without_noise_is_measured():
 def test_spots_are_measured_if_most_are_trailed():
     places, light = stars(0)
     image = sum(
-        render_frame(places + np.array([step, 0.0]), light / 7, 1.2, (SIDE, SIDE))
+        render_frame(np.add(places, (step, 0)), light / 7, 1.2, (SIDE, SIDE))
         for step in np.linspace(-2.5, 2.5, 7)
     )
     spots = find_spots(exposed(image, default_rng(0)))
@@ -120,8 +120,7 @@ def test_spots_are_measured_if_most_are_trailed():
 def test_errors_do_not_depend_on_the_unit_of_an_image():
     """An image in electrons, or a sum of images, has large numbers."""
     places, light = stars(2)
-    frame = render_frame(places, light, 1.2, (SIDE, SIDE))
-    frame = exposed(frame, default_rng(2))
+    frame = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(2))
     plain = find_spots(frame)
     for unit in (1e-9, 1e9):
         spots = find_spots(unit * frame)
@@ -143,7 +142,7 @@ def pair(seed, kernel=((0.0, 1.0),), radius=1.2):
     places, light = stars(seed)
     first = render_frame(places, light, 1.2, (SIDE, SIDE))
     second = sum(
-        part * render_frame(places + np.array([step, 0.0]), light, radius, first.shape)
+        part * render_frame(np.add(places, (step, 0)), light, radius, first.shape)
         for step, part in kernel
     )
     both = [find_spots(exposed(image, rng)) for image in (first, second)]
@@ -186,8 +185,8 @@ def test_shapes_rotate_with_the_image():
 
 def test_the_memory_is_at_most_20_bytes_per_pixel():
     places, light = stars(0)
-    image = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(0))
-    image = np.tile(image, (4, 4)).astype(np.float32)
+    frame = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(0))
+    image = np.tile(frame, (4, 4)).astype(np.float32)
     tracemalloc.start()
     found_spots = find_spots(image)
     _, peak = tracemalloc.get_traced_memory()
