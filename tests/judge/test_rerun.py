@@ -64,6 +64,23 @@ def test_recomputed_values_replace_printed_ones(monkeypatch):
 
 
 def test_inputs_of_an_item_and_of_a_cell_are_direct_or_through_other_items():
+def test_an_assumed_value_replaces_no_measurement():
+    """The residuals of the laboratory are measured; their computed values are an example."""
+    lab = "niu2024/text-experiment"
+    for address, value in (
+        ("table-4#radial-distortion.red", "3.42e-5 mm^-2"),
+        ("text-optics#pixels-x", "2065 px"),
+        ("text-simulation#noise", "0.06 px"),
+    ):
+        found = rerun.Rerun(lab, {f"niu2024/{address}": value}, replicates=50)
+        for name, one in cells(found).items():
+            if name.startswith("pointing-error"):
+                assert one.value == one.unchanged, (address, name)
+        assert not any("rmse-after" in name for name in found.replaced)
+    assert f"{lab}#rmse-after-red-x" in changeable(f"{lab}#pointing-error-red-x")
+    assert NOISE not in changeable(f"{lab}#pointing-error-red-x")
+
+
     inputs = changeable("chen2023/text-effectiveness")
     for cell in ("2.difference-x", "2.monitoring-x", "2.position-x"):
         assert f"{TABLE}#{cell}" in inputs

@@ -1,8 +1,9 @@
 """Computation of an item with changed inputs, or under one reading of the text.
 
 A change replaces a printed cell that is an input of the item, directly or through other items.
-Between the changed cell and the item, recomputed values replace printed values. The result has no
-verdict.
+Between the changed cell and the item, recomputed values replace printed values. A number that
+needs unpublished data stays as printed, because its computed value is only assumed. The result has
+no verdict.
 
 An option without a choice has its literal alternative. If only options are changed, the result is
 one reading of the text and contains the verdict of each cell under this reading.
@@ -300,10 +301,9 @@ class Rerun:
         """Return the value that replaces a printed input; None if the printed value remains."""
         if address in self._values:
             return self._values[address]
-        above = computation_for(address)
-        if above is None or not self._reaches(above.inputs):
+        above, cell = computation_for(address), find(address)[0]
+        if above is None or cell.unpublished or not self._reaches(above.inputs):
             return None
-        cell = find(address)[0]
         unchanged = above.with_options(self.options)(
             load_inputs(above.inputs, self._seed), self._replicates
         )

@@ -460,13 +460,16 @@ def changeable(key: str) -> tuple[str, ...]:
 
 @cache
 def upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the addresses of the numbers that match, and of all their inputs."""
+    """Return the addresses of the numbers that match, and of all their inputs.
+
+    A number that needs unpublished data stays as printed, so that its inputs are not among them.
+    """
     addresses: dict[str, None] = {}
     waiting = list(patterns)
     while waiting:
         for address, cell in load_inputs([waiting.pop(0)]).cells.items():
             if address not in addresses and cell.is_number:
                 addresses[address] = None
-                above = computation_for(address)
+                above = None if cell.unpublished else computation_for(address)
                 waiting += above.inputs if above else ()
     return tuple(addresses)
