@@ -77,6 +77,9 @@ def test_a_cell_has_its_values_inputs_and_function():
     assert cell.frame().loc["verdict"].item() == "exact"
     with pytest.raises(ValueError, match=r"#noise: .*#scale.red"):
         cell.rerun({NOISE: "1 px"})
+    dash = rp.table("niu2024/table-4#scale.green")
+    assert (dash.source, dash.inputs) == ("", ())
+    assert "scale_factors" not in repr(dash)
 
 
 def test_readers_see_a_minus_sign_and_programs_a_hyphen():

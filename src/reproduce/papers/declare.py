@@ -429,9 +429,10 @@ def study(key: str) -> Study:
 
 
 def computation_for(address: str) -> Computation | None:
-    """Return the computation of a printed cell; None for an input."""
-    key, _, name = address.partition("#")
-    return next((each for each in computations(key) if each.makes(name)), None)
+    """Return the computation of a printed cell; None for an input, words or a dash."""
+    cell = load_inputs([address]).cells[address]
+    made = (each for each in computations(cell.key) if each.makes(cell.name))
+    return next(made, None) if cell.is_number else None
 
 
 def changeable(key: str) -> tuple[str, ...]:
