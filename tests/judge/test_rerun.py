@@ -179,6 +179,9 @@ def test_changes_that_do_not_fit_are_named():
         with pytest.raises(CannotChangeError, match=f"{cell}.*{value}"):
             cells(rerun.Rerun("niu2024/text-simulation", changes, replicates=5))
     for value in ("0.2", "0.2 mm", "0.2 parsec", "much", "", "1e999 px", "1.2.3 px"):
+    window = "chen2023/text-resolution#window-x"
+    with pytest.raises(CannotChangeError, match=rf"{window}: expected a whole .* 5\.4"):
+        cells(rerun.Rerun("chen2023/text-resolution", {window: "5.4 px"}, replicates=5))
         with pytest.raises(CannotChangeError, match=f"{NOISE}: .*'{value}'"):
             rerun.Rerun("niu2024/table-3", {NOISE: value})
 

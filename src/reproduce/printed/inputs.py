@@ -62,8 +62,11 @@ class Inputs:
         return SeedSequence(self.root, spawn_key=key)
 
     def count(self, address: str) -> int:
-        """Return the whole number at `address`."""
-        return round(self[address])
+        """Return the whole number at `address`; raise ValueError for a fraction."""
+        number = self[address]
+        if number % 1:
+            raise ValueError(f"{address}: expected a whole number, got {number:g}")
+        return int(number)
 
     def array(self, pattern: str) -> NDArray[np.float64]:
         """Return the numbers that match `pattern`, in printed order and SI units, shape (n,)."""
