@@ -1,6 +1,7 @@
 """An item computed again under a reader's change."""
 
 import itertools
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -63,7 +64,6 @@ def test_recomputed_values_replace_printed_ones(monkeypatch):
     assert set(again.replaced) == set(found.replaced)
 
 
-def test_inputs_of_an_item_and_of_a_cell_are_direct_or_through_other_items():
 def test_an_assumed_value_replaces_no_measurement():
     """The residuals of the laboratory are measured; their computed values are an example."""
     lab = "niu2024/text-experiment"
@@ -81,6 +81,7 @@ def test_an_assumed_value_replaces_no_measurement():
     assert NOISE not in changeable(f"{lab}#pointing-error-red-x")
 
 
+def test_inputs_of_an_item_and_of_a_cell_are_direct_or_through_other_items():
     inputs = changeable("chen2023/text-effectiveness")
     for cell in ("2.difference-x", "2.monitoring-x", "2.position-x"):
         assert f"{TABLE}#{cell}" in inputs
@@ -178,10 +179,10 @@ def test_changes_that_do_not_fit_are_named():
         changes = {f"niu2024/text-simulation#{cell}": value}
         with pytest.raises(CannotChangeError, match=f"{cell}.*{value}"):
             cells(rerun.Rerun("niu2024/text-simulation", changes, replicates=5))
-    for value in ("0.2", "0.2 mm", "0.2 parsec", "much", "", "1e999 px", "1.2.3 px"):
     window = "chen2023/text-resolution#window-x"
     with pytest.raises(CannotChangeError, match=rf"{window}: expected a whole .* 5\.4"):
         cells(rerun.Rerun("chen2023/text-resolution", {window: "5.4 px"}, replicates=5))
+    for value in ("0.2", "0.2 mm", "0.2 parsec", "much", "", "1e999 px", "1.2.3 px"):
         with pytest.raises(CannotChangeError, match=f"{NOISE}: .*'{value}'"):
             rerun.Rerun("niu2024/table-3", {NOISE: value})
 
@@ -208,15 +209,10 @@ def test_values_have_any_unit_of_their_kind():
             "table-2#scale.red",
         )
     )
-    for value in (
-        "60.1 mm",
-        "0.0601 m",
-        "60100 µm",
-        "60100 um",
-        "6.01e1mm",
-        np.float32(60.1),
-    ):
+    texts = "60.1 mm", "0.0601 m", "60100 µm", "60100 μm", "60100 um", "6.01e1mm"
+    for value in (*texts, 60.1, np.float32(60.1), Decimal("60.1")):
         assert si_value(focal, value) == pytest.approx(0.0601, rel=1e-12)
+    assert si_value(focal, np.int64(60)) == pytest.approx(0.06)
     assert (si_value(count, "0"), si_value(count, "12")) == (0, 12)
     assert si_value(angle, "−0.07°") == pytest.approx(np.radians(-0.07))
     assert si_value(scale, "99 %") == pytest.approx(0.99)

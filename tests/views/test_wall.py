@@ -2,7 +2,9 @@
 
 import re
 from collections import Counter
+from decimal import Decimal
 
+import numpy as np
 import pytest
 from bs4 import BeautifulSoup
 
@@ -98,13 +100,20 @@ def test_a_sweep_of_a_prediction_shows_its_intervals():
     widths = (frame["high"] - frame["low"]).to_numpy(float)
     bars = heights(html)[2]
     assert bars[1] / bars[0] == pytest.approx(widths[1] / widths[0], rel=1e-3)
+    frames = (
+        table.sweep(NOISE, numbers, replicates=20).frame()
+        for numbers in (np.arange(1, 3), [1, Decimal(2)], ["1 px", "2 px"])
+    )
+    first, *others = (frame["computed"].tolist() for frame in frames)
+    assert others == [first, first]
     lines = repr(table.sweep(NOISE, values, replicates=20)).splitlines()
     assert max(map(len, lines)) <= 80
 
 
 REJECTED = {
     NOISE: [(TABLE, NOISE, ["0.1 px"]), (TABLE, [FOCAL, NOISE], ["37"])],
-    "value": [(TABLE, FOCAL, [])],
+    "value": [(TABLE, FOCAL, []), (TABLE, FOCAL, 25.0)],
+    FOCAL: [(TABLE, FOCAL, [None])],
     "expected": [("niu2024/table-3", NOISE, "0.2 px")],
     "scale.green": [(TABLE, FOCAL, ["25 mm"], ["scale.green"])],
     "rows": [(STARS, NOISE, ["0.1 px"], [], {"Stars": 51})],

@@ -33,7 +33,8 @@ def si_value(cell: PrintedCell, value: str | float) -> float:
     }
     if not isinstance(value, str) or cell.unit in {"1", "count"}:
         units[""] = cell.unit
-    matched = _VALUE.fullmatch(str(value).replace("−", "-"))
+    # A true minus sign, and the Greek letter in place of the micro sign.
+    matched = _VALUE.fullmatch(str(value).replace("−", "-").replace("μ", "µ"))
     number, unit = (float(matched[1]), matched[2]) if matched else (math.nan, "")
     limit, expected = _MAX_COUNT_RATIO * cell.number.value, ""
     if not math.isfinite(number):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from math import isclose
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 import pandas as pd
@@ -149,8 +149,8 @@ class Sweep(Display):
     ) -> None:
         names = [moved] if isinstance(moved, str) else [*moved]
         steps = [
-            [value] if isinstance(value, str | int | float) else [*value]
-            for value in ([] if isinstance(values, str) else values)
+            [*value] if _is_list(value) else [value]
+            for value in (values if _is_list(values) else [])
         ]
         if {*map(len, steps)} != {len(names)}:
             listed = ", ".join(names)
@@ -211,3 +211,8 @@ class Sweep(Display):
             return rendered("sweep", sweep=self, grid=grid.markup, graph=graph)
 
         yield Html(page, grid)
+
+
+def _is_list(values: object) -> TypeGuard[Iterable[Any]]:
+    """Return whether an object has several values; a text has one."""
+    return np.iterable(values) and not isinstance(values, str)
