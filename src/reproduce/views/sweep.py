@@ -86,7 +86,9 @@ class Changed(Display):
         changes = result.changes | result.options
         caption = setting(f"{result.key} with", changes, result.replaced, remark)
         if any(one.interval for one in self.cells):
-            caption += " From and to: the central 99 % of the prediction."
+            caption += " From and to: the central 99 % of a prediction"
+            either = ", otherwise what rounded inputs allow."
+            caption += either if result.is_reading else "."
         if result.joint:
             caption += f" {verdicts.joint_sentence(result.joint)}"
         heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
