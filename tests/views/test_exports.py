@@ -138,6 +138,11 @@ def test_unknown_formats_are_named():
     for call, argument in ((rp.cite, "address"), (rp.verify, "citation")):
         with pytest.raises(TypeError, match=f"^{argument}: "):
             call(b"niu2024/table-3")
+    for address in ("chen2023/heat#x", "niu2024/fig-4#x", f"{KEY}#"):
+        with pytest.raises(
+            KeyError, match=f"^'key: .*'{address}'|^\"key: .*'{address}'"
+        ):
+            cite(address)
 
 
 def test_exports_and_citations_are_plain_text():
@@ -338,8 +343,9 @@ def test_a_citation_is_current_moved_or_unknown(address, monkeypatch):
     assert f", {record.verdict}. reproduce-pointing " in line
     assert first_entry(address).fields["note"][-15:] == line[-15:]
     assert verify(text) == verify(line) == verify(line.replace(" ", "\n")) == "current"
-    for wrong in (text.replace("printed ", "printed 1"), "some words"):
+    for wrong in (text.replace("printed ", "printed 1"), cite(address), "some words"):
         assert verify(wrong).startswith("unknown: its words")
+        assert verify(wrong).endswith("not the citation of a cell as text")
     now, older = statement(record), f"{address}: printed 1, exact"
     gone, source = older.replace("#", "#no-"), "0.0.1, 2026-01-01, x"
     for unknown in (older, gone, now):

@@ -77,12 +77,12 @@ def cite(address: str, form: str = "bibtex") -> str:
         return _written(form, "pointing", _WHOLE, PAPERS)
     key, _, name = address.partition("#")
     paper, _, topic = key.partition("/")
-    if key in catalogue("studies"):
+    if address in catalogue("studies"):
         return cite_related(form, "study-", paper, key, "Supplementary table to")
-    if key in catalogue("drawings"):
+    if address in catalogue("drawings"):
         return cite_related(form, "drawing-", paper, key, "Supplementary figure to")
-    keys.check_key(key)
-    if not name:
+    if not name or key not in library():
+        keys.check_key(address)
         place = keys.place(key).partition(",")[0]
         if place == "Text":
             place = f"the numbers quoted in the text ({topic})"

@@ -24,7 +24,7 @@ def check_key(key: str) -> str:
         return key
     if key in catalogue("studies"):
         raise KeyError(
-            f"key: expected printed numbers to judge, got the supplementary table {key}"
+            f"key: expected an item of a paper, got the supplementary table {key}"
         )
     every = [*known, *catalogue("studies"), *catalogue("drawings")]
     near = difflib.get_close_matches(key, every, n=3, cutoff=0.5)

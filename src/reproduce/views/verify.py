@@ -33,8 +33,8 @@ def verify(citation: str) -> str:
         computed value, to six digits, and the verdict are the same now.
         ``moved since VERSION: now ...`` if the stored release VERSION made the statement and the
         value or the verdict is another one now, with the reason for the present verdict.
-        ``unknown: ...`` otherwise, with the reason: statement and mark do not belong together, or
-        neither this package nor a release made the statement.
+        ``unknown: ...`` otherwise, with the reason: it is no citation of a cell as text, statement
+        and mark do not belong together, or neither this package nor a release made the statement.
 
     Raises
     ------
@@ -57,7 +57,10 @@ def verify(citation: str) -> str:
     source, _, rest = rest.partition(". ")
     marked = re.search(r"\brp:\w+", rest)
     if not marked or marked[0] != mark(stated):
-        return "unknown: its words and its mark do not belong together"
+        return (
+            "unknown: its words and its mark do not belong together, or it is not the citation of "
+            "a cell as text"
+        )
     named = re.search(r"(?:\[|^)(\S+#[^]\s]+)\]?: ", stated)
     address = named[1] if named else "it"
     key, _, name = address.partition("#")
