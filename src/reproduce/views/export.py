@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Iterable, Mapping
 from textwrap import indent
 from typing import TYPE_CHECKING
@@ -51,8 +52,9 @@ def export_frame(
 ) -> str:
     """Write any DataFrame as csv, json, latex or markdown.
 
-    Its provenance is a comment before the rows; in JSON it is next to the rows. In LaTeX the table
-    of an address has a caption with citations. A legend is below it, also in Markdown.
+    Its provenance is a comment before the rows; in JSON it is next to the rows, and an infinite
+    number is the text ``inf``. In LaTeX the table of an address has a caption with citations. A
+    legend is below it, also in Markdown.
     """
     check_format(form, FORMATS)
     comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
@@ -62,7 +64,8 @@ def export_frame(
             frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
         )
     if form == "json":
-        rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        objects = frame.astype(object).where(frame.notna(), None)
+        rows = objects.replace({math.inf: "inf", -math.inf: "-inf"}).to_dict("records")
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     lines = [[*frame.columns], *frame.to_numpy().tolist()]
     texts = {"caption": caption, "legend": legend, "comment": comment}
