@@ -208,6 +208,19 @@ def test_formats_agree_and_have_version_commit_day_and_identifiers(commit, monke
         assert csl.get("custom", {"commit": ""})["commit"] == commit
 
 
+def test_bibtex_needs_no_sign_that_latex_does_not_know():
+    for address in (
+        "chen2023/table-5#2.reference-y",  # minus sign, seconds of arc
+        "chen2023/table-3#1-1.x",  # standard deviations
+        "chen2023/text-platform#sd-low",
+        "niu2024/table-1#radial-distortion.red",  # powers
+        "niu2024/text-approximations#cube-approximation",
+    ):
+        assert cite(address, "bibtex").isascii()
+        title = first_entry(address).fields["title"]
+        assert not re.search(r"[_^%&]", re.sub(r"\$[^$]*\$|\\.", "", title)), title
+
+
 def test_identifiers_are_the_hashes_of_git():
     def git(*words):
         command = ["git", "-C", ROOT, *words]

@@ -22,6 +22,7 @@ from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
 from reproduce.version import AUTHORS, content_id
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import written
+from reproduce.views.tex import in_tex
 
 _FORMATS = ("bibtex", "ris", "csl", "text", "sentence")
 # Field of BibTeX to its name in CSL.
@@ -210,6 +211,8 @@ def _written(
         # `verify` reads the statement of a cell between the year and the name of the software.
         own = written("citation.txt", **context)
         return "\n".join((own, *map(_in_text, cited)))
+    if form == "bibtex":
+        context["title"] = in_tex(title.replace("^", r"\textasciicircum{}"))
     text = written("citation.bib", **context)
     entries = [Entry.from_string(text, "bibtex"), *map(_paper, cited)]
     if form == "bibtex":
