@@ -116,7 +116,10 @@ REJECTED = {
     FOCAL: [(TABLE, FOCAL, [None])],
     "expected": [("niu2024/table-3", NOISE, "0.2 px")],
     "scale.green": [(TABLE, FOCAL, ["25 mm"], ["scale.green"])],
-    "rows": [(STARS, NOISE, ["0.1 px"], [], {"Stars": 51})],
+    "rows": [
+        (STARS, NOISE, ["0.1 px"], [], {"Stars": 51}),
+        (STARS, NOISE, ["0.1 px"], [], {"stars": 50}),
+    ],
 }
 
 

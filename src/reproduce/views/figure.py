@@ -337,7 +337,7 @@ class Panels(Display, list[Figure]):
         changes = changes or {}
         if unknown := set(changes).difference(*(panel.inputs for panel in self)):
             raise CannotChangeError(
-                f"changes: expected inputs of the panels, got {', '.join(unknown)}. "
+                f"changes: expected inputs of the panels, got {', '.join(map(str, unknown))}. "
                 "`inputs` of each panel lists them."
             )
         fixed = any(panel.random for panel in self)

@@ -70,6 +70,8 @@ class StudyTable(Rerunnable):
             If there is no such column of numbers, or no row has such an entry.
         """
         chosen, first = rows or {}, self._columns[0].name
+        if unknown := {*chosen} - {*self.frame()}:
+            raise ValueError(f"rows: expected names of columns, got {unknown}")
         before = _selected(self.frame(), chosen)
         known = {c.name: c for c in self._columns if c.form}
         if unknown := {*columns} - {*known}:
