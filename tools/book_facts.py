@@ -137,7 +137,7 @@ def _of_constants() -> dict[str, str]:
     """Return the named constants of the verdicts: levels and tolerances."""
     percent = {
         "central": judging.CENTRAL,
-        "outside": 1 - judging.CENTRAL,
+        "outside": judging.OUTSIDE,
         "nominal": NOMINAL_FRACTION,
         "wide": judging._WIDE_TOLERANCE,
     }

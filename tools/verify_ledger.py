@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-CENTRAL = 0.99
+OUTSIDE = 0.01
 Record = dict[str, Any]
 Ends = tuple[float | None, float | None]
 
@@ -24,7 +24,7 @@ Ends = tuple[float | None, float | None]
 def judged(found: Record, stands_for: Ends) -> str:
     """Return exact, consistent or differs for a record or a reading."""
     if found["probability"] is not None:
-        return "consistent" if found["probability"] >= 1 - CENTRAL else "differs"
+        return "consistent" if found["probability"] >= OUTSIDE else "differs"
     first, last = stands_for
     low, high = (
         -math.inf if first is None else first,

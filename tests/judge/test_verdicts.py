@@ -47,6 +47,16 @@ def test_values(printed, qualifier, value, interval, wide, verdict, flags, share
         assert found.share is None
 
 
+def test_a_number_at_the_end_of_the_central_part_is_consistent():
+    """Ten of 2,000 draws are below it: both tails together have one per cent."""
+    ends, beyond = (
+        judge_prediction(PrintedNumber(text), np.arange(2000.0))
+        for text in ("9.5", "8.5")
+    )
+    assert (ends.probability, ends.verdict) == (0.01, "consistent")
+    assert beyond.verdict == "differs"
+
+
 def test_results_must_be_finite():
     for value in (NAN, INF):
         with pytest.raises(ValueError, match="computed value: "):

@@ -14,7 +14,14 @@ from pydantic import model_validator
 
 from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
-from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
+from reproduce.judge.verdicts import (
+    CENTRAL,
+    OUTSIDE,
+    Comparison,
+    Frozen,
+    Reading,
+    Verdict,
+)
 from reproduce.locate import data_files
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computations
@@ -279,13 +286,13 @@ def _table_record(evaluation: Evaluation) -> TableRecord:
     judged = [name for name in cells if not table[name].unpublished]
     agreeing = np.sum([[r.agrees for r in cells[name]] for name in judged], axis=0)
     joint = evaluation.joint[:, 0]
-    fits = (agreeing == len(judged)) & (joint >= 1 - CENTRAL)
+    fits = (agreeing == len(judged)) & (joint >= OUTSIDE)
     closest = max(distinct, key=lambda i: (fits[i], agreeing[i], joint[i]))
     return TableRecord(
         key=key,
         cells=len(judged),
         outside=len(judged) - int(agreeing[0]),
-        expected_outside=len(judged) * (1 - CENTRAL),
+        expected_outside=len(judged) * OUTSIDE,
         joint_probability=joint[0],
         mcse=evaluation.joint[0, 1],
         replicates=evaluation.computation.replicates,

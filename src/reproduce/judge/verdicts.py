@@ -23,8 +23,9 @@ Flag = Literal[
     "rounding", "copy", "difference", "tolerance", "wide", "bound", "stand_in"
 ]
 
-# The central fraction of the predicted distribution in which a printed value is consistent.
-CENTRAL = 0.99
+# The central fraction of the predicted distribution in which a printed value is consistent, and the
+# fraction outside: 1 - 0.99 is larger than 0.01 in binary arithmetic.
+CENTRAL, OUTSIDE = 0.99, 0.01
 # A tolerance above this fraction of the printed value is wide.
 _WIDE_TOLERANCE = 0.1
 # Smallest eigenvalue of a correlation matrix; smaller ones are raised to it.
@@ -241,7 +242,7 @@ def judge_summary(
         Comparison with its verdict and probability.
     """
     computed, low, high, probability, error = summary
-    consistent = probability >= 1.0 - CENTRAL
+    consistent = probability >= OUTSIDE
     # (k + 1/2)/(n + 1) in place of k/n, so that a count of zero does not claim a zero error.
     smoothed = (probability / 2 * replicates + 0.5) / (replicates + 1)
     return Reading(
