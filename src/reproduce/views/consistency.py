@@ -174,9 +174,13 @@ def _equations(audits: Sequence[Audit]) -> _Part:
         for audit in audits
         for equation in audit.equations
     ]
-    columns = ("place", "asked", "meaning", "printed", "right", "wanted")
+    sides = ("printed", "right", "wanted")
+    shown = [
+        row | {side: numbers.entry(row[side], _STYLE) for side in sides} for row in rows
+    ]
+    columns = ("place", "asked", "meaning", *sides)
     return _Part(
-        (_table("equations", "Equations run as extracted", columns, rows),), rows
+        (_table("equations", "Equations run as extracted", columns, shown),), rows
     )
 
 
