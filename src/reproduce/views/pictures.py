@@ -59,11 +59,11 @@ def stars(
     ----------
     source : path, table or array_like, shape (height, width) or (n, 2)
         FITS file (``field.fits[SCI]`` if it contains several images), array, masked array or
-        `CCDData`, whose mask and uncertainty apply, in any unit. Also a list of stars in any
-        order: an array of shape (n, 2), or a table as in `register` with the columns ``x`` and
-        ``y``, in px. Optional columns are ``flux`` or ``mag`` (brighter stars have a lower
-        magnitude), by which `match` selects stars, and ``sigma`` (or ``sigma_x``, ``sigma_y``),
-        in px.
+        `CCDData`, whose mask and uncertainty apply, in any unit. The uncertainty may contain the
+        photon noise of the stars. Also a list of stars in any order: an array of shape (n, 2), or
+        a table as in `register` with the columns ``x`` and ``y``, in px. Optional columns are
+        ``flux`` or ``mag`` (brighter stars have a lower magnitude), by which `match` selects
+        stars, and ``sigma`` (or ``sigma_x``, ``sigma_y``), in px.
     threshold : float, optional
         Detection threshold of an image, in standard deviations of the noise. Default: 5.
     sep : str, optional
@@ -144,7 +144,7 @@ def match(
 
     Shifts are tried first, then triangles of the brightest stars, then triangles of the most
     isolated stars. Four common stars suffice if they agree to their errors. Matches that are not
-    better than by chance are rejected.
+    better than by chance, or ambiguous, as on a regular grid, are rejected.
 
     Parameters
     ----------
@@ -170,7 +170,8 @@ def match(
     Raises
     ------
     ValueError
-        If a list has fewer than four stars, or the stars do not agree better than by chance.
+        If a list has fewer than four stars, or the stars do not agree better than by chance, or
+        agree under several transforms.
 
     Examples
     --------

@@ -153,6 +153,29 @@ def test_the_magnitude_selects_the_bright_stars(kind):
             del table[name]
 
 
+@pytest.mark.parametrize("jitter", [0, 5])
+@pytest.mark.parametrize("degrees", [0, 90, 170])
+def test_a_grid_is_not_matched_to_its_neighbours(jitter, degrees):
+    """Stars on a grid agree under many transforms, unless they are displaced from it."""
+    rng = default_rng(jitter)
+    steps = np.arange(0.5, 7) * FIELD / 7
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    grid += jitter * rng.normal(size=grid.shape)
+    turned = Registration.similarity(
+        1, np.radians(degrees), (60, -90), (FIELD / 2, FIELD / 2)
+    )
+    target = turned.apply(grid) + rng.normal(0, 0.05, grid.shape)
+    kept = (np.abs(target - FIELD / 2) < FIELD / 2).all(axis=1)
+    order = rng.permutation(np.flatnonzero(kept))
+    if jitter:
+        rows, _ = match_points(grid, target[order], 3.0)
+        assert len(rows) == len(order)
+        assert (order[rows[:, 1]] == rows[:, 0]).all()
+    else:
+        with pytest.raises(ValueError, match=r"several .* start"):
+            match_points(grid, target[order], 3.0)
+
+
 # Of 24 seeds with 40 stars and of 6 with 300, those whose fields agree most by chance.
 CLOSEST = {40: (11, 13, 15, 16, 20, 21), 300: (1, 2, 5)}
 

@@ -30,8 +30,9 @@ _SAMPLE_STARS, _SAMPLE_TRIANGLES = 150, 10_000
 _MAX_DIFFERENCE, _MAX_TRIED = 0.02, 4_000
 # Differences of positions that vote for a shift, about, and shifts that are tried, at most.
 _VOTES, _MAX_SHIFTS = 60_000, 20
-# Probability that unrelated stars are matched, at most.
-_MAX_CHANCE = 1e-6
+# Probability that unrelated stars are matched, at most, and pairs under another transform, as a
+# fraction of the pairs under the best one.
+_MAX_CHANCE, _MAX_OTHERS = 1e-6, 0.5
 # Agreement of positions that counts as exact, in px, also if all positions are whole numbers:
 # rounded positions agree by chance.
 _ROUNDED_PX, _WHOLE_PX = 0.1, 0.5
@@ -53,7 +54,8 @@ def match_points(
 
     Without a start, shifts are tried first, then triangles of the first points of both lists, then
     triangles of the points with the most distant neighbours. A transform is accepted if the
-    probability of an equal agreement of unrelated points is below 1e-6.
+    probability of an equal agreement of unrelated points is below 1e-6, and no other transform of
+    such an agreement has more than half as many pairs.
 
     Parameters
     ----------
@@ -89,15 +91,22 @@ def match_points(
     found = (
         _candidates(source, target, radius)
         if start is None
-        else [(neighbours(start.apply(source), target, radius), 0.0)]
+        else [(neighbours(start.apply(source), target, radius), 0)]
     )
-    for rows, chance in found:
-        if len(rows) >= _MIN_COMMON and chance < _MAX_CHANCE:
-            return _refined(rows, source, target, radius)
+    agreement, best = "as well as by chance", np.zeros((0, 2), int)
+    for rows, others in found:
+        if others > _MAX_OTHERS * len(rows):
+            agreement = "under several transforms, as a grid does"
+        elif len(rows) > len(best):
+            best = rows
+        if 2 * len(best) > min(len(source), len(target)):
+            break
+    if len(best) >= _MIN_COMMON:
+        return _refined(best, source, target, radius)
     raise ValueError(
         f"source, target: expected {_MIN_COMMON} or more common stars, got lists of "
-        f"{len(source)} and {len(target)} stars that agree as well as by chance. Give a start, or "
-        "another one"
+        f"{len(source)} and {len(target)} stars that agree {agreement}. Give a start, or another "
+        "one"
     )
 
 
@@ -149,8 +158,8 @@ def neighbours(source: FloatArray, target: FloatArray, radius: float) -> IntArra
 
 def _candidates(
     source: FloatArray, target: FloatArray, radius: float
-) -> Iterator[tuple[IntArray, float]]:
-    """Yield the pairs under the best transform of each kind and sample, and their probability."""
+) -> Iterator[tuple[IntArray, int]]:
+    """Yield the pairs under the best transform of each kind and sample, as `_best` returns them."""
     first, other = as_complex(source), as_complex(target)
     if min(len(first), len(other)) < _MIN_COMMON:
         return
@@ -163,8 +172,8 @@ def _candidates(
         # A mirror image has the conjugate positions.
         for stars in (first[i], first[i].conj()):
             similarities = _similarities(_triangles(stars), _triangles(other[j]))
-            rows, chance = _best(stars, other[j], radius, similarities)
-            yield np.stack([i[rows[:, 0]], j[rows[:, 1]]], axis=-1), chance
+            rows, others = _best(stars, other[j], radius, similarities)
+            yield np.stack([i[rows[:, 0]], j[rows[:, 1]]], axis=-1), others
 
 
 def _isolated(points: FloatArray) -> IntArray:
@@ -180,28 +189,43 @@ def _best(
     others: ComplexArray,
     radius: float,
     transforms: tuple[ComplexArray, ComplexArray, int],
-) -> tuple[IntArray, float]:
-    """Return the pairs under the transform with most of them, and their probability by chance."""
+) -> tuple[IntArray, int]:
+    """Return the pairs under the transform with most of them, and the number under another one.
+
+    Pairs that agree as well as by chance do not count, nor pairs that both transforms have.
+    """
     from scipy.spatial import KDTree
-    from scipy.special import pdtrc
 
     factors, offsets, trials = transforms
     if not len(factors):
-        return np.zeros((0, 2), int), 1.0
+        return np.zeros((0, 2), int), 0
     tree = KDTree(as_points(others))
     images = as_points(factors[:, None] * stars + offsets[:, None])
-    hit = tree.query(images, distance_upper_bound=radius)[1]
-    # Several stars near a star of the target count once; the last index means no star.
-    best = images[(np.diff(np.sort(hit), append=tree.n) > 0).sum(axis=1).argmax()]
-    rows = neighbours(best, tree.data, radius)
+    hit = np.asarray(tree.query(images, distance_upper_bound=radius)[1])
+    found = []
+    for _ in range(2):
+        # Several stars near a star of the target count once; the last index means no star.
+        most = (np.diff(np.sort(hit), append=tree.n) > 0).sum(axis=1).argmax()
+        rows = neighbours(images[most], tree.data, radius)
+        rows = rows[hit[most, rows[:, 0]] == rows[:, 1]]
+        chance = trials * _chance(images[most], rows, tree)
+        found.append(rows[: len(rows) * (chance < _MAX_CHANCE)])
+        hit[hit == hit[most]] = tree.n
+    return found[0], len(found[1])
+
+
+def _chance(stars: FloatArray, rows: IntArray, tree: Any) -> float:
+    """Return the expected number of equal agreements of unrelated stars, in one trial."""
+    from scipy.special import pdtrc
+
     # Two stars agree by the transform itself. Density from the third nearest.
-    distance = np.asarray(tree.query(best, 3)[0])
+    distance = np.asarray(tree.query(stars, 3)[0])
     smallest = _ROUNDED_PX if (tree.data % 1).any() else _WHOLE_PX
     agreement = np.maximum(np.sort(distance[rows[:, 0], 0])[3:], smallest)
     third = np.maximum(distance[:, 2], smallest)
     expected = 2 * (third**-2.0).sum() * agreement**2
     chances = pdtrc(np.arange(len(agreement)) + 1, expected)
-    return rows, trials * len(rows) * chances.min(initial=1.0)
+    return float(len(rows) * chances.min(initial=1.0))
 
 
 def _shifts(
