@@ -72,8 +72,12 @@ def test_the_uncertainty_of_an_image_is_its_deviation():
     for wrong in (StdDevUncertainty(0.0 * RAMP), UnknownUncertainty(RAMP), [1.0, 2.0]):
         with pytest.raises(ImageError, match="uncertainty"):
             read_image(NDData(RAMP, uncertainty=wrong))
-    missing = read_image(NDData(RAMP, uncertainty=InverseVariance(0.0 * RAMP)))[2]
-    assert np.isinf(missing).all()
+    # An inverse variance of zero marks a pixel without information.
+    weights = InverseVariance(np.where(RAMP == 7, 0.0, 1.0))
+    missing = np.isnan(read_image(NDData(RAMP, uncertainty=weights))[0])
+    assert np.argwhere(missing).tolist() == [[0, 7]]
+    milli = StdDevUncertainty(5000.0, unit="mJy")
+    assert_allclose(read_image(CCDData(RAMP, unit="Jy", uncertainty=milli))[2], 5)
     constant = read_image(NDData(RAMP, uncertainty=StdDevUncertainty(5.0)))[2]
     assert (constant == 5).all()
 

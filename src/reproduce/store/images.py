@@ -108,8 +108,9 @@ def read_image(
     with reading(Path(source).name if is_file else name):
         if is_file:
             source = _from_fits(str(source))
-        uncertainty = getattr(source, "uncertainty", None)
+        uncertainty, unit = getattr(source, "uncertainty", None), ""
         if hasattr(source, "uncertainty"):
+            unit = source.unit or unit
             source = np.ma.array(source.data, mask=source.mask)
         pixels = np.ma.getdata(source, subok=False)  # without a unit
         if pixels.ndim != 2 or min(pixels.shape) < _MIN_SIDE:
@@ -122,6 +123,10 @@ def read_image(
                 f"expected real numbers, got {pixels.dtype}. Convert the image"
             )
         missing = ~np.isfinite(pixels) | np.ma.getmask(source)
+        sigma = None
+        if uncertainty is not None:
+            sigma = _deviations(uncertainty, unit, missing)
+            missing |= np.isinf(sigma)
         if missing.any():
             pixels = np.where(missing, np.nan, pixels)
         low, high = (float(end.reduce(pixels, axis=None)) for end in (np.fmin, np.fmax))
@@ -130,7 +135,6 @@ def read_image(
                 f"expected different pixels of less than {_MAX_VALUE:g}, got {low:g} to {high:g}. "
                 "Check or scale the image"
             )
-        sigma = None if uncertainty is None else _deviations(uncertainty, pixels)
         return pixels, high if _is_saturated(pixels, high) else np.inf, sigma
 
 
@@ -145,16 +149,19 @@ def _is_saturated(pixels: NDArray[Any], high: float) -> bool:
     return bool(touching.max() >= _MIN_SATURATED)
 
 
-def _deviations(uncertainty: Any, pixels: NDArray[Any]) -> FloatArray:
-    """Return the standard deviations of the pixels from an Astropy uncertainty."""
+def _deviations(uncertainty: Any, unit: Any, missing: NDArray[np.bool_]) -> FloatArray:
+    """Return the standard deviations of pixels of a unit from an Astropy uncertainty."""
     from astropy.nddata import StdDevUncertainty
+    from astropy.units import Unit
 
     # Astropy squares in the type of the array, and small integers overflow.
-    values = type(uncertainty)(np.asarray(uncertainty.array, np.float64))
+    array = np.asarray(uncertainty.array, np.float64)
+    values = type(uncertainty)(array, unit=uncertainty.unit)
     with np.errstate(divide="ignore"):  # an inverse variance of zero
-        sigma = values.represent_as(StdDevUncertainty).array
-    sigma = np.broadcast_to(sigma, pixels.shape)
-    if not (sigma[np.isfinite(pixels)] > 0).all():
+        found = values.represent_as(StdDevUncertainty)
+    sigma = found.array * Unit(found.unit or "").to(unit)
+    sigma = np.broadcast_to(sigma, missing.shape)
+    if not (sigma[~missing] > 0).all():
         raise ValueError(
             "uncertainty: expected values above zero, got zero or less. Mask these pixels"
         )

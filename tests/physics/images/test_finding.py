@@ -104,6 +104,30 @@ def test_an_image_without_noise_is_measured():
     apart, _ = KDTree(places).query(spots.centre[spots.reasons == ""])
     assert len(apart) > 5
     assert np.median(apart) < 1e-3
+    # Without a sky, the background is the far tail of the spot: 1e-100 and less.
+    (alone,) = find_spots(render_frame([[30.3, 20.2]], 2e4, 1.4, (60, 60))).centre
+    assert_allclose(alone, (30.3, 20.2), atol=1e-3)
+
+
+def test_deviations_of_pixels_may_contain_the_photon_noise_of_the_spots():
+    all_pulls = []
+    for seed in range(4):
+        places, light = stars(seed)
+        frame = render_frame(places, light, 1.2, (SIDE, SIDE))
+        sigma = np.sqrt(frame + 1000 + READ_NOISE**2)
+        spots = find_spots(exposed(frame, default_rng(seed)), sigma=sigma)
+        assert spots.findings == ()
+        all_pulls.append(pulls(spots, places, light)[0])
+    pull = np.concatenate(all_pulls)
+    assert pull.std() == pytest.approx(1, abs=4 / np.sqrt(2 * pull.size) + 0.03)
+
+
+def test_spots_without_a_centre_have_a_reason():
+    """Numbers of missing pixels that are no NaN."""
+    frame = render_frame(*stars(0), 1.2, (SIDE, SIDE))
+    frame = exposed(frame, default_rng(0))
+    frame[::7, ::5] = -32768
+    assert (find_spots(frame).reasons != "").all()
 
 
 def test_spots_are_measured_if_most_are_trailed():

@@ -32,6 +32,8 @@ _MAX_SPOTS, _MAX_TYPICAL = 20_000, 100
 _HALF_RADII, _TAIL_RADII, _WEIGHT_RADII = 3.0, 2.0, 2.0
 # Half side of a window, in px, at least and at most.
 _MIN_HALF_PX, _MAX_HALF_PX = 2, 60
+# Percentile of the noise in a window that contains no photon noise of its spot.
+_DARK_PERCENT = 10.0
 # Misfit of the shape of a spot, as a fraction of its squared flux: at most, in medians of the
 # image, and an allowance; and its significance in standard deviations.
 _MAX_MISFIT, _MISFIT_MEDIANS, _MISFIT_OFFSET, _MISFIT_SIGMAS = 0.1, 4.0, 2e-3, 5.0
@@ -102,7 +104,8 @@ def find_spots(
     threshold : float, optional
         Detection limit, in standard deviations of the noise. Default: 5.
     sigma : array_like, shape (height, width), optional
-        Standard deviations of the pixels, in digital numbers. Default: from the background.
+        Standard deviations of the pixels with their photon noise, in digital numbers. Default: from
+        the background.
     saturation : float
         Digital number of saturated pixels.
 
@@ -137,6 +140,9 @@ def find_spots(
         peaks, guess = _detected(light, noise)
     at = tuple(peaks.T[::-1])
     deviations = noise[at] / limit
+    if sigma is not None:  # the photon noise of a spot follows from the gain
+        around, _ = _windows(noise, peaks, guess)
+        deviations = np.percentile(around, _DARK_PERCENT, axis=(1, 2)) / limit
     del noise
     typical = slice(0, (len(peaks) + 1) // 2, len(peaks) // (2 * _MAX_TYPICAL) + 1)
     fitted = partial(_SpotFit, light, deviations[typical], peaks[typical])
@@ -214,8 +220,9 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
     # Rounding to whole numbers is noise, too. The last term is for images without noise.
     rounding = float(np.diff(values).min()) / np.sqrt(12)
     noise = np.maximum(background.background_rms_mesh, rounding)
-    smallest = 0.0 if noise.all() else 1e-3 * float(np.nanmax(thinned_light))
-    noise = np.maximum(noise, smallest)
+    peak = float(np.nanmax(thinned_light))
+    has_noise = noise.min() > np.finfo(float).eps * peak
+    noise = np.maximum(noise, 0.0 if has_noise else 1e-3 * peak)
     # A slope that continues beyond the edge may end below zero.
     return light, np.maximum(enlarged(noise), noise.min(), dtype=np.float32)
 
@@ -249,6 +256,17 @@ def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float
     return peaks[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
 
 
+def _windows(
+    image: NDArray[Any], peaks: IntArray, reach: float
+) -> tuple[NDArray[Any], IntArray]:
+    """Return windows of spots of the radius `reach`, and their first pixels."""
+    half = np.clip(np.ceil(_HALF_RADII * reach), _MIN_HALF_PX, _MAX_HALF_PX)
+    size = min(2 * int(half) + 1, *(s - 1 + s % 2 for s in image.shape))
+    corners = np.clip(peaks - size // 2, 0, np.array(image.shape[::-1]) - size)
+    x, y = corners.T
+    return sliding_window_view(image, (size, size))[y, x], corners
+
+
 class _SpotFit:
     """Spots of a radius that fit windows around detections best, in digital numbers."""
 
@@ -262,11 +280,8 @@ class _SpotFit:
         gain: float = 0.0,
     ) -> None:
         """Fit windows that contain spots of the radius `reach`, without photon noise by default."""
-        half = np.clip(np.ceil(_HALF_RADII * reach), _MIN_HALF_PX, _MAX_HALF_PX)
-        size = min(2 * int(half) + 1, *(s - 1 + s % 2 for s in light.shape))
-        corners = np.clip(peaks - size // 2, 0, np.array(light.shape[::-1]) - size)
-        x, y = corners.T
-        pixels = sliding_window_view(light, (size, size))[y, x].astype(np.float64)
+        windows, corners = _windows(light, peaks, reach)
+        pixels = windows.astype(np.float64)
         self.is_saturated = np.isinf(pixels).any(axis=(1, 2))
         pixels[~np.isfinite(pixels)] = np.nan
         # Photon noise is negligible for this gain, in any unit of the image.
@@ -282,7 +297,7 @@ class _SpotFit:
         self.radius = radius
         # In radii, from the centre.
         first = (corners - self.centre).T[::-1, :, None, None]
-        self.y, self.x = (first + np.indices((size, size))[:, None]) / radius
+        self.y, self.x = (first + np.indices(pixels.shape[1:])[:, None]) / radius
 
     def weight(self, width: float) -> FloatArray:
         """Return a Gaussian around the centre, whose width is in radii."""
@@ -291,6 +306,8 @@ class _SpotFit:
     def without_common_shape(self) -> tuple[FloatArray, int]:
         """Return residuals without the part that all spots share, and its number of terms."""
         seen, sigma = np.isfinite(self.left), np.sqrt(self.variance)
+        if not seen.any():
+            return self.left, 0
         flux = self.flux[:, None, None] / sigma
         powers = polyvander2d(self.x[seen], self.y[seen], _DEGREES)
         basis = np.hstack(
