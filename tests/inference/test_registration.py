@@ -155,6 +155,8 @@ def test_arguments_and_models_that_do_not_fit_are_rejected():
     ):
         with pytest.raises(ValueError, match="exact: "):
             rp.posterior(name, FRAME, **settings).exact(100)
+    with pytest.raises(ValueError, match="draws: "):
+        rp.posterior("registration", FRAME).exact(0)
     few = np.array([[0, 0], [1, 0], [0, 1]])
     with pytest.raises(ValueError, match="source: "):
         fitted_model(GaussianRegistration(prepare(few, few, (0, 0))))

@@ -169,6 +169,7 @@ def test_arrays_with_masks_units_or_other_shapes_are_refused():
         (np.ma.masked_equal(source, source[2, 1]), "row 2, column y"),
         (pint.UnitRegistry().Quantity(source.tolist(), "mm"), "millimeter"),
         (source * units.mm, "px, got mm"),
+        (source * units.dimensionless_unscaled, "px, got no unit"),
         (1j * source, "real numbers"),
         (source.astype(str), "real numbers"),
         (source[:, :1], "shape"),

@@ -181,7 +181,7 @@ def _numbers(
 ) -> FloatArray:
     """Return a column, or an array of columns, with NaN for other entries; lengths are in px."""
     given = getattr(column, "unit", getattr(column, "units", None))
-    unit = str(given or "px").lower()
+    unit = str(given or "px").lower() or "no unit"
     if unit not in _PIXEL_UNITS and name in (*STARS, *SIGMAS):
         raise TableFileError(
             f"{place}: expected px, got {unit}. Convert the lengths to px"

@@ -35,6 +35,7 @@ from reproduce.inference.models import (
     MixtureRegistration,
 )
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.validate import whole_number
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
@@ -317,7 +318,8 @@ class Posterior(ResultView):
         ValueError
             If the model has no closed form.
         """
-        return self._in_units(self.model.exact(draws, default_rng(seed)))
+        count = whole_number("draws", draws)
+        return self._in_units(self.model.exact(count, default_rng(seed)))
 
     def _in_units(self, rows: FloatArray) -> pd.DataFrame:
         columns = self.model.displayed(rows).items()

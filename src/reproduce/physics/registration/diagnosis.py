@@ -52,6 +52,9 @@ _MAX_FIELDS = 100.0
 _LINE_RATIO = 1e-3
 # Smallest independent fraction of a term.
 _MIN_INDEPENDENT = 1e-4
+# Residuals along their longest direction, over those of equal noise, that make an interval too
+# narrow.
+_MAX_UNEVEN = 1.1
 # Change of a parameter that exceeds the half of its 95 % interval, in standard deviations.
 _MAX_CHANGE = 2.0
 # Models that contain a term.
@@ -290,8 +293,8 @@ def diagnose_fit(
     The kinds are ``unit``, ``duplicate`` (up to 100,000 stars), ``line``, ``few`` (too few stars),
     ``exact``, ``errors``, ``model`` (a term improves the fit), ``sensitive`` (a term that
     the stars do not exclude would change a parameter by more than 2 standard errors),
-    ``brightness``, ``unmatched`` (the rows are not the same stars), ``mismatched`` (wrong
-    matches) and ``dropped`` (by a robust fit).
+    ``brightness``, ``uneven`` (the noise depends on the direction), ``unmatched`` (the rows are
+    not the same stars), ``mismatched`` (wrong matches) and ``dropped`` (by a robust fit).
 
     Parameters
     ----------
@@ -342,6 +345,8 @@ def diagnose_fit(
         # A distortion must not be taken for wrong matches.
         if others and richer:
             others = _robust(replace(fit.problem, model=richer))
+        if all(one.kind == "sensitive" for one in found):
+            findings += _uneven(right)
     if others and others.degrees_of_freedom >= _MIN_FREEDOM:
         remedy = ": wrong matches? Pass robust=True, or use registration-mixture"
         findings += _rejected(others, "mismatched", remedy)
@@ -399,6 +404,25 @@ def _errors(fit: RegistrationFit) -> Iterator[Finding]:
         )
         if not low < ratio < high:
             yield Finding("errors", text)
+
+
+def _uneven(fit: RegistrationFit) -> Iterator[Finding]:
+    """Yield the warning of an unknown noise that differs between directions."""
+    count = float(fit.degrees_of_freedom) / 2
+    if not fit.errors_known and count > 1:
+        weighted = np.sqrt(fit.weights)[:, None] * fit.residuals
+        squares, axes = np.linalg.eigh(weighted.T @ weighted / count)
+        mean = squares.mean()
+        # Mauchly's test of two variances.
+        p_value = (squares.prod() / mean**2) ** ((count - 1) / 2)
+        if p_value < FALSE_ALARM_ROBUST and squares[1] > _MAX_UNEVEN**2 * mean:
+            across, along = np.sqrt(squares)
+            text = (
+                f"the residuals scatter by {along:.2g} px along ({axes[0, 1]:.2g}, "
+                f"{axes[1, 1]:.2g}) and by {across:.2g} px across, but the intervals assume equal "
+                "noise. Pass errors, such as sigma_x and sigma_y"
+            )
+            yield Finding("uneven", text)
 
 
 def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
