@@ -176,6 +176,17 @@ def test_a_grid_is_not_matched_to_its_neighbours(jitter, degrees):
             match_points(grid, target[order], 3.0)
 
 
+@pytest.mark.parametrize("degrees", [0, 40])
+def test_hot_pixels_are_not_taken_for_stars(degrees):
+    """They do not move with the stars. Two detections of a star are no other transform."""
+    source, target, _ = lists(8, 60, degrees=degrees, shift=(20, -10))
+    hot = default_rng(8).uniform(0, FIELD, (50, 2))
+    with pytest.raises(ValueError, match=r"several .* start"):
+        match_points(np.vstack([source, hot]), np.vstack([target, hot]), 3.0)
+    twice = [np.vstack([one, one + np.array([0.4, 0])]) for one in (source, target)]
+    assert len(match_points(*twice, 3.0)[0]) > 50
+
+
 # Of 24 seeds with 40 stars and of 6 with 300, those whose fields agree most by chance.
 CLOSEST = {40: (11, 13, 15, 16, 20, 21), 300: (1, 2, 5)}
 

@@ -93,16 +93,21 @@ def match_points(
         if start is None
         else [(neighbours(start.apply(source), target, radius), 0)]
     )
-    agreement, best = "as well as by chance", np.zeros((0, 2), int)
+    best, is_ambiguous = np.zeros((0, 2), int), False
     for rows, others in found:
         if others > _MAX_OTHERS * len(rows):
-            agreement = "under several transforms, as a grid does"
+            is_ambiguous = True
         elif len(rows) > len(best):
             best = rows
-        if 2 * len(best) > min(len(source), len(target)):
+        if is_most := 2 * len(best) > min(len(source), len(target)):
             break
-    if len(best) >= _MIN_COMMON:
+    if len(best) >= _MIN_COMMON and (is_most or not is_ambiguous):
         return _refined(best, source, target, radius)
+    agreement = (
+        "under several transforms, as a grid does"
+        if is_ambiguous
+        else "as well as by chance"
+    )
     raise ValueError(
         f"source, target: expected {_MIN_COMMON} or more common stars, got lists of "
         f"{len(source)} and {len(target)} stars that agree {agreement}. Give a start, or another "
@@ -192,7 +197,8 @@ def _best(
 ) -> tuple[IntArray, int]:
     """Return the pairs under the transform with most of them, and the number under another one.
 
-    Pairs that agree as well as by chance do not count, nor pairs that both transforms have.
+    Pairs that agree as well as by chance do not count, nor stars that both transforms move to the
+    same place.
     """
     from scipy.spatial import KDTree
 
@@ -210,7 +216,9 @@ def _best(
         rows = rows[hit[most, rows[:, 0]] == rows[:, 1]]
         chance = trials * _chance(images[most], rows, tree)
         found.append(rows[: len(rows) * (chance < _MAX_CHANCE)])
-        hit[hit == hit[most]] = tree.n
+        # A star that another transform moves elsewhere may have another pair.
+        moved = np.linalg.norm(images - images[most], axis=-1)
+        hit[moved < 2 * radius] = tree.n
     return found[0], len(found[1])
 
 
