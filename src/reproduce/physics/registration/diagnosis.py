@@ -52,9 +52,9 @@ _MAX_FIELDS = 100.0
 _LINE_RATIO = 1e-3
 # Smallest independent fraction of a term.
 _MIN_INDEPENDENT = 1e-4
-# Residuals along their longest direction, over those of equal noise, that make an interval too
-# narrow.
-_MAX_UNEVEN = 1.1
+# Product of the variances along and across, over the square of their mean: below, an interval is
+# too narrow by a tenth.
+_MIN_EVENNESS = 0.95
 # Change of a parameter that exceeds the half of its 95 % interval, in standard deviations.
 _MAX_CHANGE = 2.0
 # Models that contain a term.
@@ -409,20 +409,18 @@ def _errors(fit: RegistrationFit) -> Iterator[Finding]:
 def _uneven(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warning of an unknown noise that differs between directions."""
     count = float(fit.degrees_of_freedom) / 2
-    if not fit.errors_known and count > 1:
-        weighted = np.sqrt(fit.weights)[:, None] * fit.residuals
-        squares, axes = np.linalg.eigh(weighted.T @ weighted / count)
-        mean = squares.mean()
-        # Mauchly's test of two variances.
-        p_value = (squares.prod() / mean**2) ** ((count - 1) / 2)
-        if p_value < FALSE_ALARM_ROBUST and squares[1] > _MAX_UNEVEN**2 * mean:
-            across, along = np.sqrt(squares)
-            text = (
-                f"the residuals scatter by {along:.2g} px along ({axes[0, 1]:.2g}, "
-                f"{axes[1, 1]:.2g}) and by {across:.2g} px across, but the intervals assume equal "
-                "noise. Pass errors, such as sigma_x and sigma_y"
-            )
-            yield Finding("uneven", text)
+    if fit.errors_known or count <= 1:
+        return
+    weighted = np.sqrt(fit.weights)[:, None] * fit.residuals
+    squares = np.linalg.eigvalsh(weighted.T @ weighted / count)
+    evenness = squares.prod() / squares.mean() ** 2
+    # Mauchly's test of two variances.
+    if evenness < min(_MIN_EVENNESS, FALSE_ALARM_ROBUST ** (2 / (count - 1))):
+        text = (
+            "the residuals scatter by {1:.2g} px in one direction and {0:.2g} px across, but the "
+            "intervals assume equal noise. Pass errors, such as sigma_x and sigma_y"
+        )
+        yield Finding("uneven", text.format(*np.sqrt(squares)))
 
 
 def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
