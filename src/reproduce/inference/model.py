@@ -16,7 +16,13 @@ from numpy.random import Generator
 from scipy.optimize import Bounds, differential_evolution
 from scipy.special import ndtr, ndtri
 
-from reproduce.physics.validate import FloatArray, finite_array, non_negative, positive
+from reproduce.physics.validate import (
+    FloatArray,
+    finite_array,
+    non_negative,
+    positive,
+    whole_number,
+)
 
 # An estimate of the parameters and its standard error, both of shape (d,).
 Estimate = tuple[FloatArray, FloatArray]
@@ -372,7 +378,8 @@ class Model:
         The priors must be uniform. A `ValueError` is raised if the model has no closed form, or if
         the priors exclude most of the posterior.
         """
-        rows = self.likelihood.exact(_DRAWS_PER_EXACT * count, generator)
+        drawn = _DRAWS_PER_EXACT * whole_number("draws", count)
+        rows = self.likelihood.exact(drawn, generator)
         rows = rows[:, : self.dimension]
         # The prior of the noise is that of the closed form within its bounds.
         rows = rows[np.isfinite(self.log_prior(rows))]

@@ -35,7 +35,6 @@ from reproduce.inference.models import (
     MixtureRegistration,
 )
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.validate import whole_number
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
@@ -318,8 +317,7 @@ class Posterior(ResultView):
         ValueError
             If the model has no closed form.
         """
-        count = whole_number("draws", draws)
-        return self._in_units(self.model.exact(count, default_rng(seed)))
+        return self._in_units(self.model.exact(draws, default_rng(seed)))
 
     def _in_units(self, rows: FloatArray) -> pd.DataFrame:
         columns = self.model.displayed(rows).items()
