@@ -21,7 +21,7 @@ from reproduce.physics.optics import starlight
 from reproduce.physics.raytrace import fold_mirror_tilt, mirror_train
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.cells import find
-from reproduce.views.figure import draw, drawable
+from reproduce.views.figure import Figure, drawable
 
 SVG = "{http://www.w3.org/2000/svg}"
 LASERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * 0.1
@@ -75,7 +75,7 @@ def test_schematics_have_a_title_a_style_and_printed_cells_in_place_of_numbers()
     for key, one in DRAWN.items():
         root = tree(key)
         assert one.title, key
-        drawn = ElementTree.fromstring(draw(key))
+        drawn = ElementTree.fromstring(Figure(key).compute())
         assert drawn.find(f"{SVG}style") is not None, key
         for text in labels(root):
             assert not re.search(r"\d", NAMES.sub("", text)), (key, text)

@@ -14,7 +14,7 @@ from reproduce.physics.registration import (
     similarity_between,
 )
 from reproduce.printed.inputs import load_inputs
-from reproduce.views.figure import draw
+from reproduce.views.figure import Figure
 
 INPUTS = load_inputs([*experiment.rmse_before.inputs, *experiment.INSTRUMENT])
 PRINTED = {"red": (1.4027, 1.3986), "blue": (1.3584, 1.3416)}
@@ -117,7 +117,7 @@ def test_blue_agrees_per_axis_and_red_with_both_axes_together():
     assert not agreeing["focal-lengths", "one"]
     assert all(len(channels) < 2 for channels in agreeing.values())
     # The drawing shows the same ranges, and the printed values between their ends.
-    axes = draw("niu2024/drawing-laboratory").axes[0]
+    axes = Figure("niu2024/drawing-laboratory").compute().axes[0]
     bars = [group.lines[2][0].get_segments() for group in axes.containers]
     printed = axes.lines[-4].get_xdata()
     assert axes.lines[-4].get_label() == "printed before"

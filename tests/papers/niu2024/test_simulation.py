@@ -10,7 +10,7 @@ from reproduce.papers.niu2024 import simulation
 from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.inputs import load_inputs
-from reproduce.views.figure import draw
+from reproduce.views.figure import Figure
 
 INPUTS = load_inputs(simulation.calibrated_parameters.inputs)
 LITERAL = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
@@ -47,7 +47,9 @@ def test_the_literal_arrangement_is_the_printed_one_by_hand():
 
 
 def test_figure_4_has_every_arrangement():
-    drawn = [one.lines[0].get_xydata() for one in draw("niu2024/fig-4").axes]
+    drawn = [
+        one.lines[0].get_xydata() for one in Figure("niu2024/fig-4").compute().axes
+    ]
     np.testing.assert_array_equal(drawn[0], np.degrees(LITERAL.table))
     assert len(drawn) == len({one.round(6).tobytes() for one in drawn}) == 9
     assert all(len(one) == 137 for one in drawn)
@@ -59,7 +61,7 @@ def test_the_drawing_of_table_3_has_the_verdicts_of_the_ledger():
     literal = found.computation.literal
     both = [literal, literal | {"translations": "table-2"}]
     places = [found.computation.readings.index(reading) for reading in both]
-    axes = iter(draw("niu2024/drawing-table-3").axes)
+    axes = iter(Figure("niu2024/drawing-table-3").compute().axes)
     for row in simulation.ROWS:
         for channel in simulation.REGISTERED:
             panel, cells = next(axes), found.cells[f"{row}.{channel}"]
