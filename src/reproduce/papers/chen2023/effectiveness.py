@@ -363,7 +363,7 @@ def _implied_facts(inputs: Inputs) -> dict[str, float]:
     interchanged columns, and those for two focal lengths. The needed accuracy of a focal length
     changes the last reference angle by the bound of the paper.
     """
-    _, _, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
+    *_, other, half = zip(*_focal_lengths.function(inputs), strict=True)
     monitored, reference = _angles(inputs)
     lengths = inputs[TELESCOPE], telescope_length(inputs, "motions", "common")
     own = [stage_angle(stage_motions(inputs)[1:], length) for length in lengths]
@@ -390,9 +390,11 @@ def _focal_lengths(inputs: Inputs) -> Rows:
     # Rounding: a motion is the difference of two positions to 0.01 µm.
     half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
     (_, angles), motions = _angles(inputs), stage_motions(inputs)[1:]
-    own, other = _implied(motions, angles), _implied(motions[:, ::-1], angles)
-    half = own * (half_motion / np.abs(motions) + half_angle / np.abs(angles))
-    columns = (part.T.ravel() for part in (own, half, other, half))
+    columns = list[FloatArray]()
+    for of_angle in (motions, motions[:, ::-1]):
+        lengths = _implied(of_angle, angles)
+        relative = half_motion / np.abs(of_angle) + half_angle / np.abs(angles)
+        columns += [lengths.T.ravel(), (lengths * relative).T.ravel()]
     names = (f"reference about {x}, state {n}" for x in "YX" for n in _MOVED_STATES)
     yield from zip(names, *columns, strict=True)
 
