@@ -176,6 +176,19 @@ def test_a_grid_is_not_matched_to_its_neighbours(jitter, degrees):
             match_points(grid, target[order], 3.0)
 
 
+@pytest.mark.parametrize("shift", [0.5, 40, 85])
+def test_a_whole_grid_is_matched_after_a_shift(shift):
+    """Under a shift by one more step, stars at the edge have no pair."""
+    rng = default_rng(3)
+    steps = np.arange(0.5, 7) * FIELD / 7
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    order = rng.permutation(len(grid))
+    moved = grid[order] + (shift, -1) + rng.normal(0, 0.05, grid.shape)
+    rows, _ = match_points(grid, moved, 3.0)
+    assert len(rows) == len(grid)
+    assert (order[rows[:, 1]] == rows[:, 0]).all()
+
+
 @pytest.mark.parametrize("degrees", [0, 40])
 def test_hot_pixels_are_not_taken_for_stars(degrees):
     """They do not move with the stars. Two detections of a star are no other transform."""

@@ -55,7 +55,8 @@ def match_points(
     Without a start, shifts are tried first, then triangles of the first points of both lists, then
     triangles of the points with the most distant neighbours. A transform is accepted if the
     probability of an equal agreement of unrelated points is below 1e-6, and no other transform of
-    such an agreement has more than half as many pairs.
+    such an agreement has more than half as many pairs. A shift may also be the only one that pairs
+    every point of a list.
 
     Parameters
     ----------
@@ -94,12 +95,15 @@ def match_points(
         else [(neighbours(start.apply(source), target, radius), 0)]
     )
     best, is_ambiguous = np.zeros((0, 2), int), False
-    for rows, others in found:
-        if others > _MAX_OTHERS * len(rows):
+    fewest = min(len(source), len(target))
+    for is_turned, (rows, others) in enumerate(found):
+        # Every star of a whole grid has a pair under one shift only.
+        is_whole = not is_turned and len(rows) == fewest > others
+        if others > _MAX_OTHERS * len(rows) and not is_whole:
             is_ambiguous = True
         elif len(rows) > len(best):
             best = rows
-        if is_most := 2 * len(best) > min(len(source), len(target)):
+        if is_most := 2 * len(best) > fewest:
             break
     if len(best) >= _MIN_COMMON and (is_most or not is_ambiguous):
         return _refined(best, source, target, radius)
