@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from functools import cached_property
 from typing import Any, Self
 
@@ -21,7 +22,7 @@ from reproduce.papers.declare import (
     declarations,
 )
 from reproduce.printed.cells import library
-from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.printed.inputs import Inputs
 from reproduce.views import keys
 from reproduce.views.blocks import Display, rendered
 from reproduce.views.citations import cite
@@ -159,16 +160,19 @@ class Rerunnable(ItemView):
         """The declaration of its key."""
 
     @abstractmethod
-    def compute(self, inputs: Inputs) -> Any:
+    def compute(self) -> Any:
         """Compute from the printed values, or from changed inputs."""
 
     @cached_property
-    def _made(self) -> tuple[Any, dict[str, float]]:
-        if not self.changes:
-            return self.compute(load_inputs(self._declared.inputs)), {}
-        with self._rerun.explained():
-            made = self.compute(self._rerun.inputs(self._declared.inputs))
-        return made, self._rerun.replaced
+    def _inputs(self) -> Inputs:
+        """The inputs of the computation, with the changes and recomputed values."""
+        return self._rerun.inputs(self._declared.inputs)
+
+    @cached_property
+    def _made(self) -> Any:
+        # Only an error after a change is one of the user.
+        with self._rerun.explained() if self.changes else nullcontext():
+            return self.compute()
 
     @property
     def random(self) -> bool:
@@ -183,7 +187,8 @@ class Rerunnable(ItemView):
     @property
     def replaced(self) -> dict[str, float]:
         """Printed inputs that recomputed values replaced, in the printed unit."""
-        return self._made[1]
+        _ = self._made  # computes them
+        return self._rerun.replaced
 
     def rerun(
         self, changes: Change | None = None, *, seed: int | None = None, **others: Any
@@ -244,4 +249,4 @@ class _Texts(pd.DataFrame):
 def text_of(function: Callable[..., Any]) -> str:
     """Return the source code of a function, or of the function of a `partial`."""
     function = getattr(function, "func", function)
-    return inspect.getsource(inspect.unwrap(function)).rstrip()
+    return inspect.getsource(function).rstrip()

@@ -25,7 +25,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, drawing, item_text
 from reproduce.printed.cells import anchor, library
-from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import powers
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys
@@ -172,7 +172,7 @@ class Figure(Rerunnable):
         listed = ", ".join(drawable())
         raise ValueError(f"{self.key} has no figure; these have one: {listed}")
 
-    def compute(self, inputs: Inputs | None = None, *, narrow: bool = False) -> _Drawn:
+    def compute(self, *, narrow: bool = False) -> _Drawn:
         """Draw the figure with its printed values, for a wide page or for a narrow one."""
         declared = self._declared
         if isinstance(declared, Schematic):
@@ -182,15 +182,15 @@ class Figure(Rerunnable):
             return filled(declared.text).replace(">", f">\n  {style}", 1)
         own = [self.key] if self.key in library() else []
         printed = load_inputs([*own, *declared.marks])
-        inputs = inputs or load_inputs(declared.inputs)
         return _styled_figure(
-            lambda figure: declared.function(figure, printed, inputs), narrow=narrow
+            lambda figure: declared.function(figure, printed, self._inputs),
+            narrow=narrow,
         )
 
     @property
     def drawn(self) -> _Drawn:
         """The matplotlib figure, or the SVG of a schematic."""
-        figure: _Drawn = self._made[0]
+        figure: _Drawn = self._made
         return figure
 
     @property

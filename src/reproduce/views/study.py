@@ -10,7 +10,6 @@ import pandas as pd
 
 from reproduce.papers.declare import Column, Study, study
 from reproduce.printed.cells import anchor
-from reproduce.printed.inputs import Inputs
 from reproduce.views import numbers
 from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Grid, Html, fold
@@ -35,9 +34,9 @@ class StudyTable(Rerunnable):
     def _declared(self) -> Study:
         return study(self.key)
 
-    def compute(self, inputs: Inputs) -> pd.DataFrame:
+    def compute(self) -> pd.DataFrame:
         """Compute the rows, from the printed or from changed inputs."""
-        return self._declared(inputs)
+        return self._declared(self._inputs)
 
     def sweep(
         self,
@@ -121,7 +120,7 @@ class StudyTable(Rerunnable):
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, in the units of the column names."""
-        frame: pd.DataFrame = self._made[0]
+        frame: pd.DataFrame = self._made
         return frame.copy()
 
     def blocks(self) -> Iterator[Block]:
