@@ -15,7 +15,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from after_build import SAFE
-from reproduce.judge.ledger import frozen, item_ledger
+from reproduce.judge.ledger import frozen, record_of
 from reproduce.locate import data_folder
 from reproduce.printed.cells import anchor, library
 from reproduce.views.blocks import Block, Blocks, Grid, badge
@@ -73,7 +73,7 @@ class MovedDirective(SphinxDirective):
             rows: dict[tuple[str, ...], list[Markup]] = {}
             for cell in entry["cells"]:
                 key, _, name = cell.partition("#")
-                record = item_ledger(key).cell(cell)
+                record = record_of(cell)
                 why = record.reason or record.why
                 rows.setdefault((key, *found[cell], why), []).append(
                     LINK.format(anchor(cell), library()[key][name].label)

@@ -8,7 +8,7 @@ import pytest
 
 import reproduce as rp
 from reproduce.judge import rerun
-from reproduce.judge.ledger import build
+from reproduce.judge.ledger import record_of
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
@@ -31,13 +31,12 @@ def test_four_times_the_noise_widens_table_3_fourfold():
         cells(rerun.Rerun("niu2024/table-3", {NOISE: f"{value} px"}))
         for value in (0.2, 0.05)
     )
-    judged = build(["niu2024/table-3"])
     for name, one in before.items():
         width = np.diff(found[name].interval) / np.diff(one.interval)
         assert width.item() == pytest.approx(4, rel=2e-3), name
         assert found[name].value != found[name].unchanged
         assert one.value == one.unchanged
-        stored = judged.cell(f"niu2024/table-3#{name}").computed
+        stored = record_of(f"niu2024/table-3#{name}").computed
         assert one.value == pytest.approx(stored, rel=1e-13)
 
 

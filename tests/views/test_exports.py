@@ -19,6 +19,7 @@ from pybtex.database import parse_string
 import reproduce as rp
 from reproduce import version
 from reproduce.judge import ledger
+from reproduce.judge.ledger import record_of
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
@@ -67,7 +68,7 @@ def test_json_has_all_values_and_csv_has_the_layout_of_the_paper():
     records, table = whole_ledger().of(KEY), rp.table(KEY)
     read = ledger.Ledger.model_validate_json(table.export("json"))
     assert read.records == records
-    assert read.cell(f"{KEY}#2.reference-x").reason
+    assert record_of(f"{KEY}#2.reference-x").reason
     frame = read_csv(table.export("csv"), dtype=str, keep_default_na=False)
     printed = library()[KEY]
     assert list(frame)[2:] == [column.label for column in printed.columns]
@@ -230,7 +231,7 @@ def test_identifiers_are_the_hashes_of_git():
     found = identifiers(CELLS[0])
     data = git("hash-object", "data/printed/niu2024/table-3.toml")
     assert found["data"] == f"swh:1:cnt:{data}"
-    file, _, line = whole_ledger().cell(CELLS[0]).line.rpartition(":")
+    file, _, line = record_of(CELLS[0]).line.rpartition(":")
     content, _, lines = found["function"].partition(";lines=")
     (path,) = (ROOT / "src").rglob(Path(file).name)
     assert content == f"swh:1:cnt:{git('hash-object', path)}"
@@ -352,7 +353,7 @@ def cited(text, source):
 
 @pytest.mark.parametrize("address", CELLS)
 def test_a_citation_is_current_moved_or_unknown(address, monkeypatch):
-    text, record = cite(address, "text"), whole_ledger().cell(address)
+    text, record = cite(address, "text"), record_of(address)
     line = text.splitlines()[0]
     assert f", {record.verdict}. reproduce-pointing " in line
     assert first_entry(address).fields["note"][-15:] == line[-15:]

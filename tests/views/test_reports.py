@@ -15,7 +15,7 @@ from jinja2 import UndefinedError
 import reproduce as rp
 from book_facts import card
 from reproduce.judge import ledger
-from reproduce.judge.ledger import expected, frozen, item_ledger
+from reproduce.judge.ledger import expected, frozen, item_ledger, record_of
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import PAPERS, anchor, library
@@ -119,7 +119,7 @@ def test_each_judged_table_is_a_nanopublication(paper):
     ],
 )
 def test_an_outcome_never_says_more_than_the_verdicts(words, flags, outcome):
-    one = item_ledger("niu2024/table-2").cell("niu2024/table-2#scale.red")
+    one = record_of("niu2024/table-2#scale.red")
     records = [
         one.model_copy(update={"verdict": word, "flags": flags})
         for word in words.split()

@@ -134,16 +134,6 @@ class Ledger(Frozen):
         """Return the records of one item, in printed order."""
         return tuple(record for record in self.records if record.key == key)
 
-    def cell(self, address: str) -> Record:
-        """Return the record of one cell."""
-        for record in self.records:
-            if record.cell == address:
-                return record
-        raise KeyError(
-            f"address: expected a printed cell, got {address!r}. `reproduce contents` lists "
-            "the keys."
-        )
-
 
 def build(
     keys: Collection[str] = (),
@@ -197,6 +187,17 @@ def item_ledger(key: str, **choices: str) -> Ledger:
         if not np.isnan(evaluation.joint[0, 0]):
             tables.append(_table_record(evaluation))
     return Ledger(records=tuple(records.values()), tables=tuple(tables))
+
+
+def record_of(address: str, **choices: str) -> Record:
+    """Return the record of one cell; with the choices of some options, of one reading."""
+    for record in item_ledger(address.partition("#")[0], **choices).records:
+        if record.cell == address:
+            return record
+    raise KeyError(
+        f"address: expected a printed cell, got {address!r}. `reproduce contents` lists "
+        "the keys."
+    )
 
 
 def _unjudged(cell: PrintedCell) -> Record:

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reproduce.judge.ledger import TableRecord, item_ledger
+from reproduce.judge.ledger import TableRecord, item_ledger, record_of
 from reproduce.judge.verdicts import central_interval
 from reproduce.papers.declare import (
     Alternative,
@@ -258,9 +258,7 @@ class Rerun:
                     cell, ends, verdict = table[name], None, ""
                     unit = si_factor(cell.unit)
                     if self.is_reading:
-                        record = item_ledger(self.key, **self.options).cell(
-                            cell.address
-                        )
+                        record = record_of(cell.address, **self.options)
                         ends, verdict = record.interval, record.verdict
                     elif computation.replicates:
                         ends = central_interval(after / unit)

@@ -14,7 +14,7 @@ from typing import Any
 from pybtex.database import Entry, parse_file
 
 from reproduce import version
-from reproduce.judge.ledger import Record, item_ledger
+from reproduce.judge.ledger import Record, record_of
 from reproduce.locate import papers
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import PaperFunction, computation_for, study
@@ -88,7 +88,7 @@ def cite(address: str, form: str = "bibtex") -> str:
         if place == "Text":
             place = f"the numbers quoted in the text ({topic})"
         return cite_related(form, "", paper, key, f"Reproduction of {place} of")
-    record = item_ledger(key).cell(library()[key][name].address)
+    record = record_of(library()[key][name].address)
     if form == "sentence":
         return statement(record, "sentence.txt")
     text = statement(record)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper
-from reproduce.judge.ledger import entries, frozen, item_ledger
+from reproduce.judge.ledger import entries, frozen, record_of
 from reproduce.papers.declare import Column
 from reproduce.printed.cells import PAPERS
 from reproduce.printed.number import minus, quantity, si_factor, symbol
@@ -218,7 +218,7 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
 
 def _judged(address: str) -> str:
     """Return the printed value of a cell and the computed value."""
-    record = item_ledger(address.partition("#")[0]).cell(address)
+    record = record_of(address)
     shown, text = verdicts.texts(record), "{printed} printed, {computed} computed"
     if record.verdict == "ambiguous":
         text = "{printed} printed, agrees with {readings that agree} readings"

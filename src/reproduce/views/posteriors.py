@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from reproduce.inference import ConvergenceCriteria, Prior, Summary
-from reproduce.judge.ledger import item_ledger
+from reproduce.judge.ledger import record_of
 from reproduce.papers.declare import item_text
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import Platform
@@ -173,7 +173,7 @@ def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
     if "#" in text:
         (cell,) = find(text)
         found["Printed"] = link(cell.anchor, cell.shown)
-        found["Verdict"] = badge(item_ledger(cell.key).cell(text).verdict)
+        found["Verdict"] = badge(record_of(text).verdict)
         text = cell.label
     return {**found, "Quantity": link(f"posterior-{key}", text)}
 

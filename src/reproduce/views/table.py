@@ -11,7 +11,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
-from reproduce.judge.ledger import Ledger, Record, item_ledger
+from reproduce.judge.ledger import Ledger, Record, item_ledger, record_of
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import changeable, computation_for
 from reproduce.printed.cells import PrintedCell, anchor, library
@@ -385,7 +385,7 @@ class Cell(ResultView):
     @cached_property
     def record(self) -> Record:
         """The record of the ledger."""
-        return item_ledger(self._cell.key).cell(self.address)
+        return record_of(self.address)
 
     @property
     def printed(self) -> str:

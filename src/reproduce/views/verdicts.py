@@ -13,6 +13,7 @@ from reproduce.judge.ledger import (
     TableRecord,
     expected,
     item_ledger,
+    record_of,
 )
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
@@ -274,7 +275,7 @@ def facts_of(name: str) -> dict[str, str]:
     """
     key, _, cell = name.partition("#")
     if cell:
-        return _facts_of_cell(item_ledger(key).cell(name))
+        return _facts_of_cell(record_of(name))
     if "/" in name:
         ledger = item_ledger(key)
         facts = _counts(ledger.records)

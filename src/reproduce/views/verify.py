@@ -6,7 +6,7 @@ import re
 import tomllib
 from functools import cache
 
-from reproduce.judge.ledger import Record, item_ledger
+from reproduce.judge.ledger import Record, record_of
 from reproduce.locate import data_folder
 from reproduce.printed.cells import library
 from reproduce.version import NAME, version
@@ -67,7 +67,7 @@ def verify(citation: str) -> str:
     is_released = marked[0] in released().get(source, ())
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
-        record = item_ledger(key).cell(address)
+        record = record_of(address)
         now = statement(record)
         is_same = now == stated or (is_released and _agrees(stated, record))
         if is_same and (is_released or source == version()):
