@@ -34,7 +34,7 @@ from reproduce.papers.declare import (
 )
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
-from reproduce.printed.number import Interval, minus, si_factor, symbol
+from reproduce.printed.number import Interval, minus, si_factor
 from reproduce.printed.quantity import si_value
 
 # Relative difference of two results that rounding noise can explain.
@@ -107,7 +107,7 @@ def effective_change(address: str) -> tuple[str, str] | None:
         cells = [find(one)[0] for one in inputs if result.name in texts]
         for units, cell in product((1, 10), cells):
             number = Decimal(cell.text) + Decimal(units).scaleb(cell.number.exponent)
-            change = cell.address, f"{number:f} {symbol(cell.unit)}".strip()
+            change = cell.address, f"{number:f} {cell.symbol}".strip()
             with suppress(CannotChangeError):
                 if _texts(result.key, change)[result.name] != texts[result.name]:
                     return change

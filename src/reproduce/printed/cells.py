@@ -207,12 +207,17 @@ class PrintedCell:
         return self.number.value * si_factor(self.unit)
 
     @property
+    def symbol(self) -> str:
+        """Symbol of the unit on a page; empty for text."""
+        return symbol(self.unit) if self.unit else ""
+
+    @property
     def shown(self) -> str:
         """The cell with qualifier, digits and unit, as a page shows it."""
         if isinstance(self.content, str):
             return self.content
         sign = _SIGNS.get(self.content.qualifier, "")
-        return quantity(sign + minus(self.text), symbol(self.unit))
+        return quantity(sign + minus(self.text), self.symbol)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 import re
 
 from reproduce.printed.cells import PrintedCell
-from reproduce.printed.number import UNITS, si_factor, symbol
+from reproduce.printed.number import UNITS, si_factor
 
 _VALUE = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE
@@ -40,7 +40,7 @@ def si_value(cell: PrintedCell, value: str | float) -> float:
     if not math.isfinite(number):
         expected = f"a finite number in the printed format ({cell.shown})"
     elif unit not in units:
-        expected = f"{symbol(cell.unit) or 'no unit'} as printed ({cell.shown})"
+        expected = f"{cell.symbol or 'no unit'} as printed ({cell.shown})"
     elif cell.unit == "count" and not (number.is_integer() and 0 <= number <= limit):
         expected = f"a whole number up to {limit:.0f}"
     if expected:

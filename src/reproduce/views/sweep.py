@@ -13,7 +13,7 @@ import pandas as pd
 from reproduce.judge.rerun import Rerun
 from reproduce.papers.charts import set_size
 from reproduce.printed.cells import anchor, find
-from reproduce.printed.number import minus, quantity, symbol
+from reproduce.printed.number import minus, quantity
 from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
@@ -65,7 +65,7 @@ class Changed(Display):
                 one.value,
                 one.value - one.cell.number.value,
                 *(one.interval or (None, None)),
-                symbol(one.cell.unit),
+                one.cell.symbol,
                 one.verdict,
             )
             for one in self.cells
@@ -100,7 +100,7 @@ class Changed(Display):
                 minus(one.cell.text),
                 before * (not result.is_reading),
             )
-            texts = (*printed, *numbers, one.verdict, symbol(one.cell.unit))
+            texts = (*printed, *numbers, one.verdict, one.cell.symbol)
             rows.append(dict(zip(heads, texts, strict=True)))
         return [Grid.of(caption, heads, rows)]
 
@@ -110,9 +110,7 @@ class Changed(Display):
         rows = []
         for one in self.cells:
             cell, (_, value, low, high) = one.cell, one.texts
-            text = quantity(
-                value + f" ({low} to {high})" * bool(low), symbol(cell.unit)
-            )
+            text = quantity(value + f" ({low} to {high})" * bool(low), cell.symbol)
             rows.append((cell.label, text, cell.number.value, *cell.number.interval()))
         more = pd.DataFrame(rows, columns=["label", "text", "mark", "bottom", "top"])
         return frame.join(more)

@@ -15,7 +15,7 @@ from reproduce.judge.ledger import Ledger, Record, item_ledger, record_of
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import changeable, computation_for
 from reproduce.printed.cells import PrintedCell, anchor, library
-from reproduce.printed.number import minus, symbol
+from reproduce.printed.number import minus
 from reproduce.views import keys, verdicts
 from reproduce.views.base import Change, ItemView, ResultView, text_of
 from reproduce.views.blocks import (
@@ -112,7 +112,7 @@ class Table(ItemView):
         frame = pd.DataFrame(rows, columns=["printed", "computed", "verdict"])
         if len(self._printed.columns) <= 1:
             frame.index = pd.Index(self._printed.by_name)
-            units = [record.unit and symbol(record.unit) for record in records]
+            units = [cell.symbol for cell in self._printed.cells]
             return frame.assign(unit=units)
         frame.index = self._lines("id")
         wide = pd.DataFrame(frame.unstack(sort=False)).swaplevel(axis=1)
@@ -320,7 +320,7 @@ def _values(record: Record, form: str) -> dict[str, str]:
     if form == "csv":
         texts |= {
             "printed": cell.text,
-            "unit": cell.unit and symbol(cell.unit),
+            "unit": cell.symbol,
             "sigma": str(cell.sigma or ""),
             "verdict": record.verdict if cell.is_number else "",
         }

@@ -19,7 +19,7 @@ from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
 from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor
-from reproduce.printed.number import minus, quantity, symbol
+from reproduce.printed.number import minus, quantity
 from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import whole_ledger
 
@@ -47,7 +47,7 @@ NUMBERS = (
 
 def _with_unit(record: Record, text: str) -> str:
     """Return a number of a record with its unit; empty for an empty text."""
-    return quantity(minus(text), symbol(record.unit or "1"))
+    return quantity(minus(text), record.printed_cell.symbol)
 
 
 def printed(cell: PrintedCell) -> str:
