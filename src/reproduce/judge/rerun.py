@@ -150,7 +150,7 @@ def checked_values(key: str, changes: object) -> dict[str, float]:
 
 
 def _check_randomness(
-    key: str, random: bool, seed: int | None, replicates: int | None = None
+    key: str, random: bool, seed: int | None, replicates: int | None
 ) -> None:
     """Raise an error for a seed or a number of replicates that an object cannot take."""
     for name, number, least, greatest in (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
 from reproduce.papers.charts import is_narrow, set_size
@@ -24,13 +25,14 @@ def distances(papers: Collection[str]) -> pd.DataFrame:
     """
     rows = []
     for record in whole_ledger().records:
-        both = *(record.stands_for or ()), *(record.interval or ())
-        ends = [end for end in both if end is not None]  # a limit has one end
         judged = record.agrees or record.verdict == "differs"
-        if record.paper in papers and judged and len(ends) == 4:
-            low, high, lower, upper = ends
-            number = f"{record.place.partition(',')[0]}: {record.printed_cell.label}"
+        if record.paper in papers and judged:
+            ends = np.array([record.stands_for, record.interval], float)
+            low, high, lower, upper = ends.flat  # NaN for the open end of a limit
             if (width := high - low + upper - lower) > 0:
+                number = (
+                    f"{record.place.partition(',')[0]}: {record.printed_cell.label}"
+                )
                 distance = (low + high - lower - upper) / width
                 fields = record.cell, record.paper, number, record.agrees, distance
                 rows.append(fields)
