@@ -27,6 +27,7 @@ from reproduce.judge.verdicts import central_interval
 from reproduce.papers.declare import (
     Alternative,
     Computation,
+    Options,
     changeable,
     computation_for,
     computations,
@@ -72,7 +73,7 @@ class _ChangedCell(NamedTuple):
         ]
 
 
-def options(key: str) -> dict[str, dict[str, Alternative]]:
+def options(key: str) -> Options:
     """Return the options of an item.
 
     Parameters
@@ -82,7 +83,7 @@ def options(key: str) -> dict[str, dict[str, Alternative]]:
 
     Returns
     -------
-    dict
+    mapping
         Option to its alternatives, the literal one first.
 
     Examples

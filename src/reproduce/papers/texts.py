@@ -90,7 +90,7 @@ class ItemText:
     columns: tuple[Column, ...] = ()
     folded: str = ""
     facts: dict[str, Fact] = field(default_factory=dict)
-    options: dict[str, dict[str, Alternative]] = field(default_factory=dict)
+    options: Options = field(default_factory=dict)
 
 
 def item_text(key: str) -> ItemText:
