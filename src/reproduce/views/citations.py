@@ -196,7 +196,7 @@ def _written(
     mark: str = "",
 ) -> str:
     """Return the entry of an address of the book, and the entries of its papers."""
-    check_format(form, _FORMATS)
+    keys.check_choice("format", form, _FORMATS)
     if form == "sentence":
         return written("related.txt", title=title, version=version)
     context = {
@@ -254,9 +254,3 @@ def _csl(entry: Entry) -> dict[str, Any]:
     return item | {
         csl: fields[key] for key, csl in _CSL_FIELDS.items() if key in fields
     }
-
-
-def check_format(form: str, known: Collection[str]) -> None:
-    """Raise an error for an unknown format."""
-    if form not in known:
-        raise ValueError(f"format: expected one of {', '.join(known)}, got {form!r}")

@@ -28,7 +28,7 @@ from reproduce.views.blocks import (
     fold,
     rendered,
 )
-from reproduce.views.keys import check_paper
+from reproduce.views.keys import check_choice
 
 _Row = dict[Any, Any]
 # Format of both sides of an equation. Smaller numbers are rounding noise.
@@ -75,7 +75,9 @@ class ConsistencyAudit(Display):
     """
 
     def __init__(self, paper: str | None = None) -> None:
-        self.papers = PAPERS if paper is None else (check_paper(paper),)
+        self.papers = (
+            PAPERS if paper is None else (check_choice("paper", paper, PAPERS),)
+        )
 
     def __getitem__(self, name: str) -> _Part:
         """Return a part by its name."""

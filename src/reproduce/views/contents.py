@@ -50,7 +50,9 @@ class Contents(Display):
     """
 
     def __init__(self, paper: str | None = None) -> None:
-        self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
+        self.papers = (
+            PAPERS if paper is None else (keys.check_choice("paper", paper, PAPERS),)
+        )
         self.keys, self.supplementary = (
             [key for key in ledger if key.partition("/")[0] in self.papers]
             for ledger in (catalogue(), catalogue("studies"))

@@ -15,7 +15,8 @@ from reproduce.printed.cells import anchor
 from reproduce.version import software
 from reproduce.views import verdicts
 from reproduce.views.blocks import entry_text, written
-from reproduce.views.citations import check_format, cite
+from reproduce.views.citations import cite
+from reproduce.views.keys import check_choice
 from reproduce.views.tex import in_tex
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def export_frame(
     number is the text ``inf``. In LaTeX the table of an address has a caption with citations. A
     legend is below it, also in Markdown.
     """
-    check_format(form, FORMATS)
+    check_choice("format", form, FORMATS)
     comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
         # Words are quoted, since an address contains the sign of a comment.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Collection
 
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import declarations
-from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.cells import library
 
 
 def check_key(key: str) -> str:
@@ -34,11 +35,13 @@ def check_key(key: str) -> str:
     )
 
 
-def check_paper(paper: str) -> str:
-    """Return `paper` if it is the name of a paper."""
-    if paper not in PAPERS:
-        raise ValueError(f"paper: expected one of {', '.join(PAPERS)}, got {paper!r}")
-    return paper
+def check_choice(argument: str, name: str, known: Collection[str]) -> str:
+    """Return the value `name` of an argument if it is a known one."""
+    if name not in known:
+        raise ValueError(
+            f"{argument}: expected one of {', '.join(known)}, got {name!r}"
+        )
+    return name
 
 
 def title(key: str) -> str:

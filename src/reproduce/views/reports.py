@@ -14,7 +14,7 @@ from reproduce.judge.ledger import Record, item_ledger
 from reproduce.judge.rerun import options
 from reproduce.judge.verdicts import CENTRAL
 from reproduce.papers.declare import computations
-from reproduce.printed.cells import library
+from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
 from reproduce.views import citations, keys, verdicts
@@ -67,7 +67,7 @@ def report(paper: str, form: str) -> dict[str, str]:
     >>> list(report("niu2024", "decisions"))
     ['astra.yaml']
     """
-    keys.check_paper(paper)
+    keys.check_choice("paper", paper, PAPERS)
     named = [key for key in library() if key.startswith(f"{paper}/")]
     results = {
         key: [record for record in item_ledger(key).records if record.role == "result"]
