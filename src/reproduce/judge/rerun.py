@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reproduce.judge.ledger import TableRecord, item_ledger, record_of
+from reproduce.judge.ledger import record_of
 from reproduce.judge.verdicts import central_interval
 from reproduce.papers.declare import (
     Alternative,
@@ -238,13 +238,6 @@ class Rerun:
     def is_reading(self) -> bool:
         """Whether this is a reading of the paper as printed, without changed inputs."""
         return bool(self.options) and not self.changes
-
-    @property
-    def joint(self) -> TableRecord | None:
-        """Joint probability of a stochastic table under a reading."""
-        if not self.is_reading:
-            return None
-        return next(iter(item_ledger(self.key, **self.options).tables), None)
 
     @cached_property
     def cells(self) -> tuple[_ChangedCell, ...]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 import pandas as pd
 
+from reproduce.judge.ledger import item_ledger
 from reproduce.judge.rerun import Rerun
 from reproduce.papers.charts import set_size
 from reproduce.printed.cells import anchor, find
@@ -89,8 +90,9 @@ class Changed(Display):
             caption += " From and to: the central 99 % of a prediction"
             either = ", otherwise what rounded inputs allow."
             caption += either if result.is_reading else "."
-        if result.joint:
-            caption += f" {verdicts.joint_sentence(result.joint)}"
+        if result.is_reading:
+            for joint in item_ledger(result.key, **result.options).tables:
+                caption += f" {verdicts.joint_sentence(joint)}"
         heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
         rows = []
         for one in self.cells:
