@@ -150,8 +150,7 @@ class Rerunnable(ItemView):
         self, key: str, changes: Change | None = None, seed: int | None = None
     ) -> None:
         self.key, self.seed = key, seed
-        random = self.random  # an unknown key raises an error
-        self._rerun = rerun.Rerun(key, changes, seed=seed, random=random)
+        self._rerun = rerun.Rerun(key, changes, seed=seed, random=self.random)
         self.changes, self._changes = self._rerun.changes, dict(changes or {})
 
     @property
