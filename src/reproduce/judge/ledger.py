@@ -360,9 +360,9 @@ def changed_verdicts(ledger: Ledger) -> list[tuple[str, str, str]]:
     """Return the cells whose verdict is not the frozen one, with both verdicts, frozen first."""
     known = {address: one.verdict for address, one in frozen().items()}
     return [
-        (one.cell, known.get(one.cell, "none"), one.verdict)
+        (one.cell, before, one.verdict)
         for one in ledger.records
-        if one.verdict != known.get(one.cell)
+        if one.verdict != (before := known.get(one.cell, "none"))
     ]
 
 

@@ -49,7 +49,7 @@ class Readings(Display):
                 if table[name].unpublished or len(evaluation.distinct(name)) == 1:
                     continue
                 part[name] = [float(f"{reading.computed:.9g}") for reading in readings]
-                if readings[0].probability is not None:
+                if computation.replicates:
                     part[f"{name} p"] = [reading.probability for reading in readings]
                     part["joint p"] = evaluation.joint[:, 0]
                 part[f"{name} agrees"] = [reading.agrees for reading in readings]
