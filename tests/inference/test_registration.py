@@ -139,7 +139,7 @@ def test_emcee_agrees_with_exact_draws(case):
 
 def test_arguments_and_models_that_do_not_fit_are_rejected():
     for name, settings, argument in (
-        ("registration-mixture", {"model": "affine"}, "model"),
+        ("registration-mixture", {"model": "spline"}, "model"),
         ("registration", {"model": "spline"}, "model"),
         ("registration", {"target_covariance": -np.eye(2)}, "target_covariance"),
         ("registration", {"platform": "platform.toml"}, "platform"),

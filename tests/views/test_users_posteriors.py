@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import xarray
 from click.testing import CliRunner
-from simulated import PIVOT, SHIFT, registered, spot_table, star_table, stars
+from simulated import PIVOT, SHIFT, TRUTH, registered, spot_table, star_table, stars
 
 import reproduce as rp
 from reproduce.inference import (
@@ -22,7 +22,7 @@ from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.printed.inputs import load_inputs
-from reproduce.store.points import TableFileError
+from reproduce.store.points import STARS, TableFileError
 from reproduce.views.cli import main
 
 MIXTURE = "registration-mixture"
@@ -95,13 +95,14 @@ def test_spots_that_drift_inside_a_group_give_a_warning(spots):
     ):
         path = spots(drift=drift)
         view = rp.misalignment(path)
-        for remarks, count in (
-            (rp.posterior("misalignment", path).remarks, constant),
-            (rp.posterior("misalignment-drift", path).remarks, drifting),
-            (view.remarks, constant),
+        for remarks, count, advised in (
+            (rp.posterior("misalignment", path).remarks, constant, constant),
+            (rp.posterior("misalignment-drift", path).remarks, drifting, 0),
+            (view.remarks, constant, constant),
         ):
             found = sum("correlation" in text for text in remarks)
             assert found == len(remarks) == count
+            assert "".join(remarks).count("use misalignment-drift") == advised
         assert view._repr_html_().count("Warning: ") == constant
 
 
@@ -161,6 +162,42 @@ def test_the_mixture_needs_digits_that_resolve_the_noise(stored):
                 rp.posterior(MIXTURE, path)
         else:
             assert rp.posterior(MIXTURE, path).remarks == []
+
+
+def test_the_mixture_counts_the_used_stars_and_accepts_the_advised_model():
+    source, target = stars(wrong=6, noise=0.05)
+    target[:, 0] += 1e-3 * source[:, 0]
+    frame = pd.DataFrame(np.hstack([source, target]), columns=list(STARS))
+    with pytest.raises(TableFileError, match="10 or more stars, got 9"):
+        rp.posterior(MIXTURE, frame, weights=np.arange(60) > 50)
+    (advice,) = rp.posterior(MIXTURE, frame).remarks
+    assert advice.endswith('Pass model="affine"')
+    found = rp.posterior(MIXTURE, frame, model="affine")
+    assert found.remarks == []
+    assert np.flatnonzero(found.stars()["probability_false"] > 0.5).tolist() == [
+        *range(6)
+    ]
+    rows = found.frame()
+    expected = {"xx": TRUTH.matrix[0, 0] + 1e-3, "yy": TRUTH.matrix[1, 1]}
+    for name, value in expected.items():
+        assert abs(rows["mean"][name] - value) < 4 * rows["deviation"][name]
+
+
+def test_one_star_with_a_known_error_determines_a_shift():
+    star = star_table(1).assign(sigma=0.1)
+    found = drawn(rp.posterior("registration", star, model="shift").model)
+    for axis in "xy":
+        mean, deviation = moments(found, f"shift-{axis}")
+        assert mean == pytest.approx(
+            (star[axis] - star[f"{axis}_reference"])[0], abs=0.02
+        )
+        assert deviation == pytest.approx(0.1, rel=0.1)
+
+
+def test_bounds_of_priors_are_two_numbers():
+    for bounds in ("12", 1.0, (1, 2, 3)):
+        with pytest.raises(ValueError, match=r"^prior of scale: .* Give two bounds"):
+            rp.posterior("registration", priors={"scale": bounds})
 
 
 # Name in the message: changes of the stars, or settings of the spots, and options.

@@ -576,6 +576,8 @@ def _named(priors: Any) -> Mapping[str, Any]:
 def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
     """Return your prior in SI units; its numbers are in the displayed unit."""
     try:
+        if isinstance(prior, str):
+            raise TypeError(f"expected two numbers, got {prior!r}")
         if not isinstance(prior, Prior):
             low, high = map(float, prior)
             prior = Uniform(low, high, "bounds given by the user")

@@ -60,9 +60,10 @@ def posterior(
         Name of a parameter to the bounds of a uniform prior, or to a prior of
         `reproduce.inference`. All numbers are in the displayed unit of the parameter.
     model : str, optional
-        Transform of your stars, as in `register`, for ``registration``. Default: a similarity.
+        Transform of your stars, as in `register`, for ``registration`` and
+        ``registration-mixture``. Default: a similarity.
     weights, source_covariance, target_covariance : array_like, optional
-        Errors of your stars, as in `register`, for ``registration``.
+        Errors of your stars, as in `register`, for the same models.
     platform : Platform or path, optional
         Fiducial lights and tracker of your laser spots, as in `misalignment`.
     sep : str, optional

@@ -401,11 +401,13 @@ def _wide_parameters(fit: RegistrationFit) -> list[Parameter]:
         np.linalg.norm(points - points.mean(axis=0))
         for points in (problem.target, problem.source)
     )
-    half_widths = {
-        "1": _SCALE_RATIOS * target_size / source_size,
-        "px": _SHIFT_FIELDS * np.ptp(problem.target, axis=0).max(),
-        "px^-2": np.hypot(*(problem.source - problem.pivot).T).max() ** -2,
-    }
+    # One star has no size, and determines a shift only.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half_widths = {
+            "1": _SCALE_RATIOS * target_size / source_size,
+            "px": _SHIFT_FIELDS * np.ptp(problem.target, axis=0).max(),
+            "px^-2": np.hypot(*(problem.source - problem.pivot).T).max() ** -2,
+        }
     errors = np.nan_to_num(fit.standard_errors)
     for name, value, error in zip(fit.names, fit.parameters, errors, strict=True):
         half, reason = np.pi, "any: the full circle, cut opposite to least squares"

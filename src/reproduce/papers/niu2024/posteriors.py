@@ -49,7 +49,7 @@ _MIN_STARS_MIXTURE = 10
 # Fraction of stars with equal displacements above which rounding hides the noise.
 _MAX_TIED = 0.1
 # Arguments of `fit_registration` that the posterior shares with `register`.
-_SETTINGS = ("pivot", "weights", "source_covariance", "target_covariance")
+_SETTINGS = ("model", "pivot", "weights", "source_covariance", "target_covariance")
 
 
 def true_centroids(inputs: Inputs) -> FloatArray:
@@ -146,6 +146,8 @@ def _your_registration(
     used = problem.rows(problem.counts > 0)
     if not problem.errors_known:
         used = replace(used, counts=used.counts / used.counts.mean())
+    if robust:
+        _check_mixture(used)
     model = models.fitted_model(kind(used))
     found, _ = diagnose_fit(fit_problem(problem, robust))
     # The mixture reports wrong matches.
@@ -154,15 +156,15 @@ def _your_registration(
     return model, list(dict.fromkeys(texts))
 
 
-def _your_mixture(table: DataTable, **settings: Any) -> tuple[Model, list[str]]:
-    """Return the registration of your stars of which some may be matched wrongly."""
-    if len(table.values) < _MIN_STARS_MIXTURE:
+def _check_mixture(problem: Problem) -> None:
+    """Raise `ValueError` if wrong matches are indistinguishable from the noise."""
+    if len(problem.source) < _MIN_STARS_MIXTURE:
         raise ValueError(
             f"expected {_MIN_STARS_MIXTURE} or more stars, got "
-            f"{len(table.values)}. Use the posterior registration, or add stars."
+            f"{len(problem.source)}. Use the posterior registration, or add stars."
         )
     # Equal displacements have no bound of the density, as their noise may be zero.
-    moves = (table.values[:, 2:] - table.values[:, :2]).round(9)
+    moves = (problem.target - problem.source).round(9)
     if np.unique(moves, axis=0, return_counts=True)[1].max() > max(
         2, _MAX_TIED * len(moves)
     ):
@@ -170,7 +172,6 @@ def _your_mixture(table: DataTable, **settings: Any) -> tuple[Model, list[str]]:
             "expected coordinates with more digits, got equal displacements of "
             "many stars. Use the posterior registration, or add digits."
         )
-    return _your_registration(table, models.MixtureRegistration.of, **settings)
 
 
 _MEANING = (
@@ -187,7 +188,7 @@ POSTERIORS = (
         "registration",
         "Registration of one channel: similarity and Gaussian noise",
         build=_model,
-        file=File(STARS, _MEANING, _your_registration, ("model", *_SETTINGS)),
+        file=File(STARS, _MEANING, _your_registration, _SETTINGS),
         walkers=240,
     ),
     _RED(
@@ -196,7 +197,12 @@ POSTERIORS = (
         build=partial(
             _model, kind=models.MixtureRegistration.of, wrong=_FALSE_FRACTION
         ),
-        file=File(STARS, _MEANING, _your_mixture, _SETTINGS),
+        file=File(
+            STARS,
+            _MEANING,
+            partial(_your_registration, kind=models.MixtureRegistration.of),
+            _SETTINGS,
+        ),
         steps=350,
         walkers=96,
     ),

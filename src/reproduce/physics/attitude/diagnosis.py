@@ -73,8 +73,9 @@ _FOREIGN_TEXT = (
 _CORRELATED_TEXT = (
     "neighbouring images have common errors, or the spots drift (correlation {:.2g}): the standard "
     "deviation of a mean of independent images is too small by a factor of {:.2g}. "
-    "Take images further apart, or use misalignment-drift for a linear drift"
+    "Take images further apart"
 )
+_DRIFT_TEXT = ", or use misalignment-drift for a linear drift"
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +192,8 @@ def diagnose_spots(
         independent = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
         factor, limit = widening, max(independent, _MIN_FREEDOM)
     if correlated:
-        findings.append(Finding("correlated", _CORRELATED_TEXT.format(lag, widening)))
+        text = _CORRELATED_TEXT.format(lag, widening) + _DRIFT_TEXT * (not drifts)
+        findings.append(Finding("correlated", text))
     if lost:
         text = f"{lost} of {total} spots are lost: an image with fewer spots has less weight"
         findings.append(Finding("lost", text))
