@@ -246,8 +246,18 @@ def test_wrong_arguments_are_named():
         (lambda: rp.register(square, square + 1, threshold=5), "threshold"),
         (lambda: rp.match(square, square + 1, radius=0), "^source and target: radius"),
         (lambda: rp.register(RED, GREEN, weights=[1, 2]), "^weights: "),
+        (lambda: rp.register(None), "^source: .* got None"),
+        (lambda: rp.register(None, square), "^source: .* got None"),
+        (lambda: rp.stars(None), "^source: .* got None"),
+        (lambda: rp.stars({}), "^source: .* got none"),
+        (lambda: rp.match(square, None), "^target: .* got None"),
+        (lambda: rp.misalignment(None), "^spots: .* got None"),
+        (
+            lambda: rp.match(*map(rp.stars, (RED, simulated(9)[2]))),
+            "^source and target: ",
+        ),
     ):
-        with pytest.raises(ValueError, match=named):
+        with pytest.raises((TypeError, ValueError), match=named):
             call()
 
 

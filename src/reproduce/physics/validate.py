@@ -68,8 +68,8 @@ def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     if not fits or array.size == 0 or np.ma.is_masked(value):
         expected = ", ".join(str(length or "n") for length in shape)
         raise ValueError(
-            f"{name}: expected shape (..., {expected}) without masked values, got {array.shape}. "
-            "Rows are observations, columns are coordinates"
+            f"{name}: expected shape (..., {expected}) without masked values, got "
+            f"{array.shape or value}. Rows are observations, columns are coordinates"
         )
     return array
 

@@ -149,7 +149,8 @@ def read_table(
                 shown = ", ".join(repr(one[:40]) for one in names[:_MAX_NAMES])
                 raise TableFileError(
                     f"{name}: expected one column {column} among the names in the first line, got "
-                    f"{shown}. Lengths are in px. Give sep if no comma separates the columns"
+                    f"{shown or 'none'}. Lengths are in px. Give sep if no comma separates the "
+                    "columns"
                 )
             heading = headings[names.index(column)]
             numbers[column] = _numbers(
@@ -192,7 +193,7 @@ def _numbers(
         column = pd.to_numeric(column.astype(object), errors="coerce").to_numpy()
     try:
         array = np.ma.asarray(getattr(column, "value", column))
-        content = f"{array.dtype} of shape {array.shape}"
+        content = f"{array.dtype} of shape {array.shape}" if array.ndim else str(array)
     except ValueError:
         array, content = np.ma.asarray(""), "rows of unequal length"
     if array.dtype.kind not in "biuf" or not array.ndim or array.shape[1:] != width:

@@ -43,12 +43,13 @@ def read_images(
                 "Leave it out"
             )
         return images_of(read_table(spots, SPOTS, IMAGES, sep), count)
+    present = _array("spots", spots, count)
     if zero is None:
         raise ValueError(
             "zero: expected the images at the zero point, got no argument. Pass them, or a table "
             "of both groups"
         )
-    return (_array("zero", zero, count), _array("spots", spots, count)), None
+    return (_array("zero", zero, count), present), None
 
 
 def _array(name: str, images: Any, count: int) -> FloatArray:

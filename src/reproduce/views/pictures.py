@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +87,8 @@ def stars(
             "threshold: expected none for a list of stars, got one. Pass it to stars with an image"
         )
     if isinstance(source, Stars):
-        return source
+        # The role of an array is its name.
+        return replace(source, name=name) if source.name == "source" else source
     name = str(source) if isinstance(source, FilePath) else name
     columns: dict[str, Any]
     if has_pixels:

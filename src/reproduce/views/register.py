@@ -111,6 +111,10 @@ def register(
     >>> [round(float(value), 9) for value in moved.parameters[:3]]
     [1.0, 0.0, -3.0]
     """
+    if source is None:
+        raise TypeError(
+            "source: expected stars or an image, got None. Pass a table, an array or a file"
+        )
     arguments = {name: value for name, value in locals().items() if value is not None}
     separate = are_separate(source, target)
     if separate and target is None:
