@@ -107,11 +107,15 @@ def test_the_focal_length_of_the_stage_is_that_of_generalised_least_squares():
 
 def test_printed_numbers_are_saved_in_the_groups_of_arviz():
     """Arrays of different lengths and dimensions have separate dimensions."""
-    for key in ("camera-red", "averaging-x", "stage"):
+    for key, parts in (("camera-red", 3), ("averaging-x", 1), ("stage", 1)):
         model = posteriors()[key].model()
         chain, accepted = run_ensemble(model, Plan(1, 1, 0, 60, 20), 0)
         found = PosteriorSamples(model, 1, chain[None], (accepted,))
         tree = found.to_datatree()
+        # The estimates together and two residuals, or all numbers together.
+        assert {n: len(log.T) for n, log in tree["log_likelihood"].items()} == {
+            "data": parts
+        }
         for name, values in model.likelihood.observed.items():
             np.testing.assert_array_equal(tree["observed_data"][name], values)
             assert tree["prior_predictive"][name].shape == (1, 250, *values.shape)

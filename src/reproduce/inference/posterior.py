@@ -132,7 +132,8 @@ class PosteriorSamples:
 
         Parameters are in the displayed unit. The unit and the prior are attributes. The groups
         ``log_likelihood`` and ``posterior_predictive`` have fewer draws, with their numbers. An
-        observation is a star, or the mean of a spot.
+        observation is a star, or the mean of a spot. For printed numbers, ``data`` in
+        ``log_likelihood`` contains the parts of `Likelihood.pointwise`, such as all estimates.
         """
         import arviz_base
 
@@ -140,7 +141,10 @@ class PosteriorSamples:
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
         columns = [p.prior.draw(generator, _MAX_SAVED_DRAWS) for p in model.parameters]
         prior, (rows, selected) = np.stack(columns, axis=-1)[None], self.selected
-        log = model.log_posterior(self.draws)
+        log, pointwise = model.log_posterior(self.draws), self.log_likelihood()
+        # Parts of printed numbers are no elements of the observed arrays.
+        name, values = [*likelihood.observed.items()][-1]
+        name = name if len(values) == pointwise.shape[2] else "data"
 
         def parameters(draws: FloatArray) -> dict[str, FloatArray]:
             return {name: one.values for name, one in model.displayed(draws).items()}
@@ -157,7 +161,7 @@ class PosteriorSamples:
         groups = {
             "posterior": parameters(self._thinned),
             "sample_stats": {"lp": log.reshape(self._thinned.shape[:2])},
-            "log_likelihood": {[*likelihood.observed][-1]: self.log_likelihood()},
+            "log_likelihood": {name: pointwise},
             "posterior_predictive": predictive(selected, likelihood.repeat),
             "prior": parameters(prior),
             "prior_predictive": predictive(prior, likelihood.simulate),
