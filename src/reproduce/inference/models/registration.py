@@ -102,7 +102,7 @@ class GaussianRegistration(Likelihood):
         """Whether the chi-square is quadratic in the coordinates of `linear`."""
         return (
             type(self) is GaussianRegistration
-            and self.problem.model == "similarity"
+            and self.problem.model in ("similarity", "shift", "affine")
             and not self.problem.source_covariance.any()
         )
 
@@ -118,15 +118,21 @@ class GaussianRegistration(Likelihood):
         return parameters[:, self._size]
 
     def linear(self, parameters: FloatArray) -> FloatArray:
-        """Return k cos(theta), k sin(theta) and shift of similarities, shape (n, 4)."""
+        """Return k cos(theta), k sin(theta) and shift of similarities, shape (n, 4).
+
+        The parameters of a shift and of an affine transform are linear themselves.
+        """
+        if self.problem.model != "similarity":
+            return parameters[:, : self._size]
         factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
         return np.column_stack([factor.real, factor.imag, parameters[:, 2:4]])
 
     @cached_property
     def linear_cofactor(self) -> FloatArray:
-        """Inverse normal matrix of a similarity in these coordinates, shape (4, 4)."""
-        (scale, angle), slopes = self.fit.parameters[:2], np.eye(4)
-        slopes[:2, :2] = as_points(np.exp(1j * angle) * np.array([1, 1j * scale])).T
+        """Inverse normal matrix in these coordinates, shape (p, p)."""
+        (scale, angle), slopes = self.fit.parameters[:2], np.eye(self._size)
+        if self.problem.model == "similarity":
+            slopes[:2, :2] = as_points(np.exp(1j * angle) * np.array([1, 1j * scale])).T
         return slopes @ self.fit.cofactor @ slopes.T
 
     @cached_property
@@ -209,7 +215,7 @@ class GaussianRegistration(Likelihood):
         given the noise, and the noise has an inverse gamma distribution. Rejection converts the
         draws, so n is smaller than `count`.
         """
-        if not self.is_linear:
+        if not self.is_linear or self.problem.model != "similarity":
             return super().exact(count, generator)
         fit, noise = self.fit, np.ones(count)
         if not fit.errors_known:
