@@ -193,7 +193,8 @@ def _numbers(
         column = pd.to_numeric(column.astype(object), errors="coerce").to_numpy()
     try:
         array = np.ma.asarray(getattr(column, "value", column))
-        content = f"{array.dtype} of shape {array.shape}" if array.ndim else str(array)
+        content = f"{array.dtype} of shape {array.shape}"
+        content = content if array.ndim else repr(array.item())[:40]
     except ValueError:
         array, content = np.ma.asarray(""), "rows of unequal length"
     if array.dtype.kind not in "biuf" or not array.ndim or array.shape[1:] != width:
