@@ -40,7 +40,7 @@ from reproduce.inference.models import (
 )
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude import cross_matrix, vector_from_rotation
+from reproduce.physics.attitude import vector_from_rotation
 from reproduce.physics.validate import FloatArray
 from reproduce.store import studies
 
@@ -247,7 +247,7 @@ def _quest(data: SpotLikelihood) -> Estimate:
     # Response of a rotation vector to a small rotation after it. The pattern determines the roll
     # hundreds of times worse than the tilts, so a vector of some arc minutes already transfers
     # the error of the roll to the tilts.
-    after, later = (np.eye(3) + 0.5 * cross_matrix(one) for one in (mount, angles))
+    after, later = (np.eye(3) + 0.5 * np.cross(np.eye(3), v) for v in (mount, angles))
     covariances = (
         after @ first @ after.T,
         later @ second @ later.T + later.T @ first @ later,

@@ -32,7 +32,6 @@ from reproduce.physics.attitude.platform import (
 )
 from reproduce.physics.attitude.rotations import (
     attitude,
-    cross_matrix,
     mean_rotation,
     quest,
     rotation_from_vector,

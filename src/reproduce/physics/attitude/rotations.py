@@ -73,18 +73,6 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
 
 
 @checked
-def cross_matrix(vectors: Direction) -> FloatArray:
-    """Return the matrices [v×], shape (..., 3, 3), of vectors v (..., 3): [v×] u = v × u.
-
-    Examples
-    --------
-    >>> cross_matrix([1, 0, 0]) @ [0, 1, 0]
-    array([0., 0., 1.])
-    """
-    return np.cross(np.eye(3), vectors[..., None, :])
-
-
-@checked
 def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     """Return the rotation matrix of a rotation vector.
 

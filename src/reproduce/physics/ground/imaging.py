@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from reproduce.physics.attitude import cross_matrix, unit
+from reproduce.physics.attitude import unit
 from reproduce.physics.ground.earth import EARTH_AXES
 from reproduce.physics.validate import (
     Direction,
@@ -184,8 +184,9 @@ def ground_jacobian(
     slide = np.eye(3) - sight[..., None] * normal[..., None, :] / steep
     far = slide * reach[..., None, None]
     matrix = earth_from_camera[..., None, :, :]
-    # A rotation t changes the line by t × u, so du = -[u ×] R t for a rotation about camera axes.
-    by_turn = -far @ cross_matrix(sight) @ matrix
+    # A rotation t changes the line by t × u, so du = (R t) × u for a rotation about camera axes,
+    # and a row r of the projection gives r · du = (u × r) · R t.
+    by_turn = np.cross(sight[..., None, :], far) @ matrix
     # Along the line the projection vanishes, so the image vector needs no projection.
     lengths = np.linalg.norm(vectors, axis=-1)[..., None, None]
     by_image = -far @ matrix / lengths
