@@ -3,7 +3,6 @@
 import functools
 from dataclasses import replace
 from itertools import product
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -160,10 +159,9 @@ def test_changed_options_inputs_and_results_make_the_stored_readings_stale(monke
         assert readings.fingerprint(CAMERA) != before
         with pytest.raises(ValueError, match=STALE):
             again(CAMERA)
-    study, name = readings._study(), f"{CAMERA.name}:scale.red"
-    arrays = {**study.arrays, name: study.arrays[name] * (1 + 1e-5)}
-    stored = SimpleNamespace(note=study.note, arrays=arrays)
-    monkeypatch.setattr(readings, "_study", lambda: stored)
+    (arrays, note), name = readings._study(), f"{CAMERA.name}:scale.red"
+    changed = {**arrays, name: arrays[name] * (1 + 1e-5)}
+    monkeypatch.setattr(readings, "_study", lambda: (changed, note))
     with pytest.raises(ValueError, match=rf"table-3#scale\.red is .*{STALE}$"):
         again(CAMERA)
 

@@ -90,11 +90,11 @@ def test_stored_calibrations_are_those_of_the_present_models(name):
     # The least probability of all quantities: one false alarm in 1000.
     assert found.probabilities().min() > 0.001 / len(found.names)
     assert found.failed.mean() < 0.02
-    study = studies.read(f"sbc-{name}")
-    assert f"{stored.COMMAND} {name} " in str(study.note["command"])
+    arrays, note = studies.read(f"sbc-{name}")
+    assert f"{stored.COMMAND} {name} " in str(note["command"])
     # Data, priors, likelihood and simulation.
-    again = stored.log_posteriors(name, study.arrays["points"], stored.SEED)
-    np.testing.assert_allclose(again, study.arrays["log_posterior"], rtol=1e-9)
+    again = stored.log_posteriors(name, arrays["points"], stored.SEED)
+    np.testing.assert_allclose(again, arrays["log_posterior"], rtol=1e-9)
 
     def agrees(index):
         ranks, failed, covered = replicate(model, stored.SEED, index)

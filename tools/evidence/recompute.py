@@ -18,10 +18,10 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, computations
 from reproduce.papers.niu2024.images import PHASES
 from reproduce.printed.inputs import ROOT_SEED
+from reproduce.store.studies import StoredStudy
 from reproduce.version import __version__
 
 Array = NDArray[np.float64]
-StoredStudy = tuple[dict[str, Array], dict[str, int | str]]
 READINGS_PER_TASK = 32
 
 
@@ -72,9 +72,9 @@ def main(names: list[str]) -> None:
             arrays, own = STUDIES[name](executor)
         seconds = sum(os.times()[:4]) - before
         versions = (platform.python_version(), np.__version__, __version__)
-        note: dict[str, int | str | float] = {
+        note = {
             "command": f"python tools/evidence/recompute.py {name}",
-            "seed": own.pop("seed"),
+            "seed": own["seed"],
             "versions": "Python {}, NumPy {}, {}".format(*versions),
             "processor_seconds": round(seconds, 1),
         }

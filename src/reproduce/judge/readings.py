@@ -241,12 +241,16 @@ def _stored(computation: Computation) -> dict[str, _Array]:
     """Return the stored results by cell; empty if the computation is not in the study."""
     if not (computation.replicates and len(computation.readings) > 1):
         return {}
-    recorded = _study().note.get(computation.name)
+    arrays, note = _study()
+    recorded = note.get(computation.name)
     if recorded not in {None, fingerprint(computation)}:
         raise _stale(f"{computation.name} has other inputs or options")
     lead = f"{computation.name}:"
-    arrays = _study().arrays.items()
-    return {n.removeprefix(lead): array for n, array in arrays if n.startswith(lead)}
+    return {
+        name.removeprefix(lead): array
+        for name, array in arrays.items()
+        if name.startswith(lead)
+    }
 
 
 @cache
@@ -255,4 +259,5 @@ def _study() -> studies.StoredStudy:
 
 
 def _stale(reason: str) -> ValueError:
-    return ValueError(f"{_STUDY}: {reason}; run again: {_study().note['command']}")
+    _, note = _study()
+    return ValueError(f"{_STUDY}: {reason}; run again: {note['command']}")

@@ -12,7 +12,6 @@ import io
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,20 +26,8 @@ if TYPE_CHECKING:
 Note = Mapping[str, str | int | float]
 
 
-@dataclass(frozen=True)
-class StoredStudy:
-    """A stored study.
-
-    Attributes
-    ----------
-    arrays : dict
-        Arrays by name.
-    note : dict
-        Command, seed, versions and check sum.
-    """
-
-    arrays: dict[str, NDArray[Any]]
-    note: Note
+# Arrays by name, and their note.
+StoredStudy = tuple[dict[str, NDArray[Any]], Note]
 
 
 def folder() -> Path:
@@ -53,7 +40,7 @@ def read(name: str) -> StoredStudy:
     content = _file(f"{name}.npz")
     note = _note(name, _file(f"{name}.toml"), content)
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
-        return StoredStudy(dict(packed), note)
+        return dict(packed), note
 
 
 def table(name: str) -> pd.DataFrame:

@@ -18,7 +18,8 @@ ETA = images.SENSOR.quantum_efficiency
 
 @pytest.fixture(scope="module")
 def stored():
-    return images._stored().arrays
+    arrays, _ = images._stored()
+    return arrays
 
 
 def spots(place):

@@ -213,19 +213,21 @@ def _stored() -> studies.StoredStudy:
 
 def _facts(inputs: Inputs) -> dict[str, float | str]:
     """Return the gain in the signal-to-noise ratio, and the number of trials."""
-    single, _, fused = np.moveaxis(_stored().arrays["signal_to_noise"], -1, 0)
+    arrays, note = _stored()
+    single, _, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
     gains = np.median(fused / single, axis=(1, 2))
     return {
         "gain-least": gains.min(),
         "gain-most": gains.max(),
-        "trials": int(_stored().note["replicates"]),
+        "trials": int(note["replicates"]),
     }
 
 
 @studied("niu2024/fusion", named=_facts)
 def _centroids(inputs: Inputs) -> Rows:
     """Return the stored errors and signal-to-noise ratios by star, place, magnitude and image."""
-    numbers = np.stack([_stored().arrays[name] for name in RESULTS], axis=-1)
+    arrays, _ = _stored()
+    numbers = np.stack([arrays[name] for name in RESULTS], axis=-1)
     labels = product(STARS, PLACES, MAGNITUDES, KINDS)
     for label, row in zip(labels, numbers.reshape(-1, len(RESULTS)), strict=True):
         yield (*label, *row)
@@ -271,7 +273,8 @@ def _draw_errors(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the centroid error of the solar star against magnitude, for three images."""
     set_size(figure, 3.6, 3.8)
     axes = figure.add_subplot()
-    errors = _stored().arrays["error"][list(STARS).index("solar"), 0]
+    arrays, _ = _stored()
+    errors = arrays["error"][list(STARS).index("solar"), 0]
     # A label to the left above its line, or to the right below it.
     looks = (
         ("C6^:", 2, (-4, 6), "right"),
