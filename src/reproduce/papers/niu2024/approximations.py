@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from itertools import product
 
 import numpy as np
 
@@ -21,12 +20,11 @@ from reproduce.papers.declare import Results, Rows, reproduces, studied
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.registration import scale_factors
 from reproduce.papers.niu2024.simulation import (
-    CHANNELS,
     NOISE,
     REGISTERED,
     zero_positions,
 )
-from reproduce.physics.optics import channel_centroids
+from reproduce.physics.optics import Camera, channel_centroids
 from reproduce.physics.registration import error_field, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -74,35 +72,26 @@ def parameter_count(inputs: Inputs) -> Results:
     return {"parameters": registered * per_channel}
 
 
-def _half_size(inputs: Inputs) -> FloatArray:
-    """Return half the sides of the detector, shape (2,), in metres."""
-    pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
-    return inputs.array("niu2024/text-optics#pixels-?") * pitch / 2
-
-
 def _error_fields(
-    inputs: Inputs, table: str, channel: str, positions: FloatArray
+    source: Camera, green: Camera, second_ratio: float, positions: FloatArray
 ) -> dict[str, FloatArray]:
     """Return the error of each effect at positions in a channel, (n, 2), in px, by its name.
 
-    The effects have the printed parameters and the assumed values.
+    The effects have the printed parameters and the assumed values. The ratio is that of the second
+    radial coefficient to the first.
     """
-    cameras = _INSTRUMENTS[table](inputs)
-    green, source = cameras[0], cameras[CHANNELS.index(channel)]
     field = partial(error_field, positions=positions)
     both = source, green
     straight = [replace(camera, radial_distortion=0.0) for camera in both]
     distortions = np.array([camera.radial_distortion for camera in both])
     cube = field(source, replace(green, radial_distortion=distortions[0]))
     moved = green.principal_point - source.principal_point
-    # The second term is the remainder that the printed fraction leaves at the corner.
-    rest = (1 / inputs[_FIRST_TERM_FRACTION] - 1) / np.square(_half_size(inputs)).sum()
     return {
         "unequal coefficients": field(*both) - cube,
         "k³ for k": cube,
         "green's pivot": field(*straight, pivot_error=moved),
         "tilt": field(*straight, tilt=np.tan(np.abs([source.rotation] * 2))),
-        "second radial term": field(*straight, second_term=rest * distortions),
+        "second radial term": field(*straight, second_term=second_ratio * distortions),
     }
 
 
@@ -151,12 +140,19 @@ def _facts(inputs: Inputs) -> dict[str, float]:
 def _errors(inputs: Inputs) -> Rows:
     """Compute the size of each error over the detector, and its residual after a fit."""
     grid = np.stack(np.meshgrid(_MIDDLES, _MIDDLES), axis=-1).reshape(-1, 2)
-    positions = grid * _half_size(inputs)
-    for table, channel in product(_INSTRUMENTS, REGISTERED):
-        fields = _error_fields(inputs, table, channel, positions)
-        for effect, error in fields.items():
-            # A fit removes the scale, rotation and shift of the positions.
-            fit = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
-            lengths = np.linalg.norm([error, fit.residuals], axis=-1)
-            whole, rest = np.sqrt(np.square(lengths).mean(axis=-1))
-            yield effect, table, channel, lengths[0].max(), whole, rest
+    pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
+    half = inputs.array("niu2024/text-optics#pixels-?") * pitch / 2
+    positions = grid * half
+    # The second term is the remainder that the printed fraction leaves at the corner.
+    second_ratio = (1 / inputs[_FIRST_TERM_FRACTION] - 1) / np.square(half).sum()
+    # A fit removes the scale, rotation and shift of the positions.
+    stars = positions * 1e6
+    for table, instrument in _INSTRUMENTS.items():
+        green, *others = instrument(inputs)
+        for channel, source in zip(REGISTERED, others, strict=True):
+            fields = _error_fields(source, green, second_ratio, positions)
+            for effect, error in fields.items():
+                fit = fit_registration(stars, stars + error, (0.0, 0.0))
+                lengths = np.linalg.norm([error, fit.residuals], axis=-1)
+                whole, rest = np.sqrt(np.square(lengths).mean(axis=-1))
+                yield effect, table, channel, lengths[0].max(), whole, rest
