@@ -7,7 +7,6 @@ import pytest
 from scipy.stats import kstest, norm, truncnorm
 
 import reproduce as rp
-from calibrations import drawn_prior
 from reproduce.inference import Normal, Uniform
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
@@ -19,7 +18,7 @@ def test_coordinates_are_one_to_one_with_the_stated_volume():
     model = posteriors()["registration-mixture"].model()
     for seed in range(5):
         generator = np.random.default_rng(seed)
-        truth = drawn_prior(model, generator, 1)[0]
+        truth = model.drawn_prior(generator, 1)[0]
         data = model.likelihood.simulate(truth, generator)
         points = replace(model, likelihood=data).start(generator, 6)
         coordinates = model.coordinates(points)

@@ -132,13 +132,8 @@ class Ranks:
 def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
     """Return the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(_stream(model, seed, index, 0)))
-    truth = drawn_prior(model, generator, 1)[0]
+    truth = model.drawn_prior(generator, 1)[0]
     return truth, replace(model, likelihood=model.likelihood.simulate(truth, generator))
-
-
-def drawn_prior(model: Model, generator: Generator, count: int) -> FloatArray:
-    """Return independent draws from the prior, (count, d)."""
-    return np.stack([p.prior.draw(generator, count) for p in model.parameters], axis=-1)
 
 
 def _stream(model: Model, seed: int, index: int, part: int) -> SeedSequence:
@@ -187,7 +182,7 @@ def quantities(model: Model, parameters: FloatArray) -> FloatArray:
 
 def named(model: Model) -> tuple[str, ...]:
     """Return the names of the `quantities`, in order."""
-    derived = model.consequences(drawn_prior(model, Generator(PCG64(0)), 2))
+    derived = model.consequences(model.drawn_prior(Generator(PCG64(0)), 2))
     return (*model.names, *derived, QUANTITY)
 
 
@@ -347,11 +342,9 @@ def store(key: str, found: Ranks, seed: int) -> None:
 
 def load(key: str) -> Ranks:
     """Return the stored calibration of a posterior."""
-    study = studies.read(f"sbc-{key}")
-    names = tuple(str(study.note["names"]).split("\t"))
-    ranks, failed, covered = (
-        study.arrays[name] for name in ("ranks", "failed", "covered")
-    )
+    arrays, note = studies.read(f"sbc-{key}")
+    names = tuple(str(note["names"]).split("\t"))
+    ranks, failed, covered = (arrays[name] for name in ("ranks", "failed", "covered"))
     return Ranks(names, ranks.astype(np.int64), failed.astype(np.bool_), covered)
 
 

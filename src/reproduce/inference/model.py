@@ -316,6 +316,11 @@ class Model:
         columns = zip(self.parameters, np.moveaxis(parameters, -1, 0), strict=True)
         return {p.name: Quantity(p.shown * column, p.unit) for p, column in columns}
 
+    def drawn_prior(self, generator: Generator, count: int) -> FloatArray:
+        """Return independent draws from the prior, shape (count, d)."""
+        columns = [one.prior.draw(generator, count) for one in self.parameters]
+        return np.stack(columns, axis=-1)
+
     def log_prior(self, parameters: FloatArray) -> FloatArray:
         """Return the log prior density, shape (n,), of vectors of shape (n, d)."""
         columns = zip(self.parameters, parameters.T, strict=True)

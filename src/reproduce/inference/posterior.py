@@ -139,8 +139,8 @@ class PosteriorSamples:
 
         model, likelihood = self.model, self.model.likelihood
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
-        columns = [p.prior.draw(generator, _MAX_SAVED_DRAWS) for p in model.parameters]
-        prior, (rows, selected) = np.stack(columns, axis=-1)[None], self.selected
+        prior = model.drawn_prior(generator, _MAX_SAVED_DRAWS)[None]
+        rows, selected = self.selected
         log, pointwise = model.log_posterior(self.draws), self.log_likelihood()
         # Parts of printed numbers are no elements of the observed arrays.
         name, values = [*likelihood.observed.items()][-1]
