@@ -50,7 +50,7 @@ def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, 
     form : str
         Name of a cell with a blank for each axis, such as ``{}.motion-{}``.
     values : ndarray
-        Numbers, or their draws along a last axis.
+        Numbers, or their draws along a leading axis.
     *labels : iterable
         Labels along each axis.
 
@@ -67,8 +67,8 @@ def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, 
     (['shift-x.red', 'shift-x.blue'], 2.0)
     """
     names = [form.format(*parts) for parts in product(*labels)]
-    rows = values.reshape(len(names), *values.shape[len(labels) :])
-    return dict(zip(names, rows, strict=True))
+    columns = values.reshape(*values.shape[: -len(labels)], len(names))
+    return dict(zip(names, columns.T, strict=True))
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ ARCSEC = np.pi / 180 / 3600
 def test_the_zero_state_is_shared_by_all_monitored_angles():
     inputs = load_inputs(effectiveness.monitored_angle.inputs)
     generator = np.random.default_rng(5)
-    one, two = effectiveness._monitoring_errors(inputs, generator, 4000)[:2, 1]
+    errors = effectiveness._monitoring_errors(inputs, generator, 4000)
+    one, two = errors[:, :2, 1].T
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
     noise = np.sqrt((scatter(load_inputs(["chen2023/table-3"]), 2)[:, 1] ** 2).mean())
     expected = np.sqrt(2) * noise / 2 / 20 * np.arctan2(13e-6, 60e-3)

@@ -64,9 +64,7 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
     """
     counts = [int(count) for count in inputs.array(COUNTS)]
     draws = _simulated_accuracies(inputs, seed, replicates, counts)
-    return by_cell(
-        "{2}.{0}-{1}", np.moveaxis(draws, 0, -1), _MATRICES, "xy", _rows(inputs)
-    )
+    return by_cell("{2}.{0}-{1}", draws, _MATRICES, "xy", _rows(inputs))
 
 
 def _rows(inputs: Inputs) -> list[str]:

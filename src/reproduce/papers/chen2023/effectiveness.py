@@ -200,9 +200,9 @@ def monitored_angle(
     motions = stage_motions(inputs, columns)
     if columns == "motions":
         motions = motions[:, ::-1]
-    angles = stage_angle(motions[..., None], length)
+    angles = stage_angle(motions, length[:, None, None])
     # A mean that includes the ramp contains a part of the step from the state before.
-    means = angles[1:] - lag * np.diff(angles, axis=0) + noise * errors
+    means = angles[:, 1:] - lag * np.diff(angles, axis=1) + noise * errors
     return by_cell("{}.monitoring-{}", means, _MOVED_STATES, _ABOUT)
 
 
@@ -227,7 +227,7 @@ def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
 def _monitoring_errors(
     inputs: Inputs, generator: Generator, replicates: int
 ) -> FloatArray:
-    """Return the errors of monitored angles by centroid noise, (4, 2, replicates), in radians.
+    """Return the errors of monitored angles by centroid noise, (replicates, 4, 2), in radians.
 
     They share the error of the zero state.
     """
@@ -237,7 +237,7 @@ def _monitoring_errors(
     )
     shape = (replicates, 1 + len(_MOVED_STATES), rotations.shape[1])
     angles = generator.standard_normal(shape) @ rotations.T
-    return np.moveaxis(angles[:, 1:] - angles[:, :1], 0, -1)
+    return angles[:, 1:] - angles[:, :1]
 
 
 @reproduces(

@@ -180,8 +180,7 @@ def rmse_before(
     values = rmse_per_axis(measured[:, 1:], measured[:, :1])
     if rmse == "both":
         values[:] = np.linalg.norm(values, axis=-1, keepdims=True)
-    draws = np.moveaxis(values, 0, -1)
-    return by_cell("rmse-before-{}-{}", draws, REGISTERED, "xy")
+    return by_cell("rmse-before-{}-{}", values, REGISTERED, "xy")
 
 
 @reproduces(

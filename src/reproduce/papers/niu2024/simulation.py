@@ -241,14 +241,14 @@ def calibrated_parameters(
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
     parameters, _ = bench.calibrated(default_rng(seed), replicates)
-    return by_cell("{1}.{0}", np.moveaxis(parameters, 0, -1), REGISTERED, ROWS)
+    return by_cell("{1}.{0}", parameters, REGISTERED, ROWS)
 
 
 @lru_cache(maxsize=2)
 def _residuals(
     bench: _Bench, seed: SeedSequence, replicates: int, tests: str, parameters: str
 ) -> FloatArray:
-    """Return the RMSE per axis before and after registration, (2, replicates, 2, 2), in px.
+    """Return the RMSE per axis before and after registration, (replicates, 2, 2, 2), in px.
 
     The test points are drawn first: the RMSE before registration is then equal for every
     calibration.
@@ -260,8 +260,9 @@ def _residuals(
     else:
         fitted = bench.calibrated(generator, replicates)
         transform = Registration("similarity", *fitted)
-    green, before = measured[:, :1], measured[:, 1:]
-    return rmse_per_axis(np.stack([before, transform.apply(before)]), green)
+    green, before = measured[:, None, :1], measured[:, 1:]
+    both = np.stack([before, transform.apply(before)], axis=1)
+    return rmse_per_axis(both, green)
 
 
 @reproduces(
@@ -293,13 +294,13 @@ def registration_rmse(
     Implements: niu2024 (17), (18), (26).
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
-    axes = _residuals(bench, seed, replicates, tests, parameters).T
+    residuals = _residuals(bench, seed, replicates, tests, parameters)
+    axes = np.moveaxis(residuals, -1, 0)
     if rmse in {"x", "y"}:
         values = axes["xy".index(rmse)]
     else:
         values = np.hypot(*axes) / (1.0 if rmse == "both" else np.sqrt(2))
-    phases = np.moveaxis(values, -1, 0)
-    return by_cell("rmse-{}-{}", phases, ("before", "after"), REGISTERED)
+    return by_cell("rmse-{}-{}", values, ("before", "after"), REGISTERED)
 
 
 @draws("niu2024/fig-4", inputs=ANGLES)
