@@ -48,11 +48,11 @@ def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, 
     Parameters
     ----------
     form : str
-        Name of a cell with a blank for each axis, such as ``{}.motion-{}``.
+        Name of a cell with a blank for each label, such as ``{}.motion-{}``.
     values : ndarray
         Numbers, or their draws along a leading axis.
     *labels : iterable
-        Labels along each axis.
+        Labels along each of the other axes.
 
     Returns
     -------
