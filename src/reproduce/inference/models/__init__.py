@@ -18,6 +18,7 @@ from reproduce.inference.models.misalignment import (
     misalignment_model,
 )
 from reproduce.inference.models.mixture import (
+    DISTORTION_PRIOR,
     DistortedRegistration,
     MixtureRegistration,
 )

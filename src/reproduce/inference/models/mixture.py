@@ -40,7 +40,7 @@ _NEWTON_STEPS = 4
 _MAX_DRAWS = 4000
 # Side of the square of the wrong matches over the extent of the stars: no star is on an edge.
 _SQUARE_RATIO = 1.01
-_DISTORTION_PRIOR = Normal(
+DISTORTION_PRIOR = Normal(
     0.0,
     2.0,
     "a corrected star camera moves its outermost stars by a few px at most",
@@ -56,8 +56,8 @@ class DistortedRegistration(GaussianRegistration):
 
     name = "registration-distortion"
     extra = (
-        Parameter("source-distortion", "d_s", "px", _DISTORTION_PRIOR),
-        Parameter("target-distortion", "d_t", "px", _DISTORTION_PRIOR),
+        Parameter("source-distortion", "d_s", "px", DISTORTION_PRIOR),
+        Parameter("target-distortion", "d_t", "px", DISTORTION_PRIOR),
     )
 
     def places(

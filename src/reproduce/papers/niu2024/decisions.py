@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chndtrix
 
-from reproduce.inference import Normal, models
+from reproduce.inference import models
 from reproduce.papers.charts import (
     LEVELS,
     legend_below,
@@ -59,8 +59,7 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     flat = response.reshape(len(moves), -1)
     information = flat @ flat.T / true["noise"] ** 2
     # The other parameters have flat priors.
-    priors = [one.prior for one in likelihood.extra]
-    prior = np.diag([0.0] * 4 + [p.sigma**-2 for p in priors if isinstance(p, Normal)])
+    prior = np.diag([0.0] * 4 + [models.DISTORTION_PRIOR.sigma**-2] * 2)
     outermost = np.hypot(*(red - middle).T).argmax()
     edge, ratio = response[:, outermost].T, counts[:, None, None] / len(red)
     # A similarity has the first four parameters.
