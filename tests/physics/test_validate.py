@@ -195,9 +195,12 @@ def test_counts_are_whole_numbers_in_range():
     for call in (
         lambda n: attitude.moving_average(SERIES, n),
         lambda n: attitude.allan_deviation(SERIES, [n]),
+        lambda n: images.centre_of_gravity_error((0, 0), 1.0, 0.6, (-1, -1), n),
     ):
         for count in (0, 2.5, "2"):
-            with pytest.raises((ValueError, TypeError), match="count"):
+            with pytest.raises(
+                (ValueError, TypeError), match=r"(count|size)s?: expected"
+            ):
                 call(count)
 
 

@@ -147,6 +147,11 @@ def _single(
     return float(array)
 
 
+def _count(name: str, value: int, *, shape: _Shape) -> int:
+    """Return a whole number above zero; a check of `checked`, whose shape is ()."""
+    return whole_number(name, value)
+
+
 def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> FloatArray:
     """Return matrices (..., 3, 3) as floats after checking that they are proper rotations.
 
@@ -170,6 +175,7 @@ Positive = Annotated[Any, (), positive]
 NonNegative = Annotated[Any, (), non_negative]
 Size = Annotated[Any, (), functools.partial(_single, positive)]
 Amount = Annotated[Any, (), functools.partial(_single, non_negative)]
+Count = Annotated[Any, (), _count]
 Sides = Annotated[Any, (2,), positive]
 Point = Annotated[Any, (2,)]
 Points = Annotated[Any, ("n", 2)]

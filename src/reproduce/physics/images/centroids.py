@@ -15,7 +15,14 @@ from numpy.random import Generator
 
 from reproduce.physics import validate
 from reproduce.physics.images.spots import _edges, _fractions, _gradient
-from reproduce.physics.validate import FloatArray, Image, NonNegative, Point, Positive
+from reproduce.physics.validate import (
+    Count,
+    FloatArray,
+    Image,
+    NonNegative,
+    Point,
+    Positive,
+)
 
 # Variance of a pixel without flux and noise, which tells nothing of the spot.
 _LEAST_VARIANCE = np.finfo(float).tiny
@@ -72,7 +79,7 @@ def centre_of_gravity_error(
     light: NonNegative,
     radius: Positive,
     corners: Point,
-    size: int,
+    size: Count,
     read_noise: NonNegative = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the bias and variance of the centre of gravity in a fixed window.
@@ -149,7 +156,7 @@ def cramer_rao_variance(
     light: Positive,
     radius: Positive,
     corners: Point,
-    size: int,
+    size: Count,
     read_noise: NonNegative = 0.0,
 ) -> FloatArray:
     """Return the least variance of an unbiased centroid in a window: the Cramér-Rao bound.
@@ -173,7 +180,6 @@ def cramer_rao_variance(
     >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
     array([9.08, 9.08])
     """
-    size = validate.whole_number("size", size)
     x, y = np.moveaxis(positions - corners, -1, 0)
     state = np.stack(np.broadcast_arrays(x, y, light), axis=-1)
     model, slopes = _gradient(state, radius, size, size)
@@ -189,8 +195,8 @@ def simulated_errors(
     light: NonNegative,
     radius: Positive,
     corners: Point,
-    size: int,
-    trials: int,
+    size: Count,
+    trials: Count,
     generator: Generator,
 ) -> FloatArray:
     """Return the errors of simulated centroids along x in one window, due to photon noise.
@@ -224,7 +230,7 @@ def simulated_errors(
     (2, 1)
     """
     columns = _sums(positions - corners, light, radius, size)[:, 0]
-    shape = (validate.whole_number("trials", trials), *columns.shape)
+    shape = (trials, *columns.shape)
     seen = generator.poisson(columns, size=shape)
     centres = centre_of_gravity(seen[..., None, :], corners)
     return centres[..., 0] - positions[:, 0]

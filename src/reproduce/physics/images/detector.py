@@ -17,6 +17,7 @@ from numpy.random import Generator
 
 from reproduce.physics.validate import (
     Amount,
+    Count,
     FloatArray,
     NonNegative,
     Number,
@@ -63,7 +64,7 @@ class Detector:
     read_noise: Amount = 0.0
     full_well: Size = None
     offset: Amount = 0.0
-    bits: int | None = None
+    bits: Count = None
 
     def __post_init__(self) -> None:
         efficiency = self.quantum_efficiency

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from reproduce.physics.validate import (
+    Count,
     FloatArray,
     NonNegative,
     Point,
@@ -34,7 +35,7 @@ _Windows = Annotated[Any, (None, None), number_array]
 
 
 @checked
-def window_corners(positions: Point, size: int) -> IntArray:
+def window_corners(positions: Point, size: Count) -> IntArray:
     """Return the first pixels of windows that are centred on spots.
 
     Parameters
@@ -59,7 +60,7 @@ def window_corners(positions: Point, size: int) -> IntArray:
     >>> window_corners([10.4, 7.6], 5)
     array([8, 6])
     """
-    valid("size", size, whole_number("size", size) % 2 == 1, "an odd number")
+    valid("size", size, size % 2 == 1, "an odd number")
     # Halves are rounded up.
     return (np.floor(positions + 0.5) - size // 2).astype(np.int64)
 
@@ -70,7 +71,7 @@ def spot_windows(
     photons: NonNegative,
     radius: Positive,
     corners: Point,
-    size: int,
+    size: Count,
 ) -> FloatArray:
     """Return the mean flux in a window around each spot.
 
@@ -99,9 +100,8 @@ def spot_windows(
            [107., 466., 107.],
            [ 25., 107.,  25.]])
     """
-    count = whole_number("size", size)
     across, down = (
-        _fractions(_edges(offsets, radius, count))
+        _fractions(_edges(offsets, radius, size))
         for offsets in np.moveaxis(positions - corners, -1, 0)
     )
     scaled = photons[..., None] * down
