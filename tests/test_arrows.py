@@ -23,7 +23,7 @@ ARROWS = {
     "consistency": {"consistency", "printed", "physics"},
     "views": {
         *{"views", "judge", "consistency", "inference", "store", "printed", "papers"},
-        *{"locate", "units", "version"},
+        *{"locate", "units", "version", "physics.validate"},
         *{"physics.registration", "physics.attitude", "physics.images"},
     },
 }

@@ -124,7 +124,11 @@ def test_seed_and_replicates_are_changes():
     assert first.changes == {"seed": "7", "replicates": "50"}
     assert cells(first)["scale.red"].value != cells(other)["scale.red"].value
     for name in ("seed", "replicates"):
-        for key, value in (("niu2024/table-2", 9), ("niu2024/table-3", -1)):
+        for key, value in (
+            ("niu2024/table-2", 9),
+            ("niu2024/table-3", -1),
+            ("niu2024/table-3", True),
+        ):
             with pytest.raises(CannotChangeError, match=f"^{name}: "):
                 rerun.Rerun(key, **{name: value})
 

@@ -7,7 +7,15 @@ import pytest
 
 from reproduce.locate import read_toml
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import computations, drawing, item_text, study
+from reproduce.papers.declare import (
+    Column,
+    Fact,
+    Study,
+    computations,
+    drawing,
+    item_text,
+    study,
+)
 from reproduce.papers.texts import ItemText
 
 FOLDER = Path(__file__).parents[2] / "data" / "captions"
@@ -30,6 +38,19 @@ def test_every_text_is_used():
                 assert text.caption
                 assert study(key).facts().keys() == text.facts.keys(), key
             assert text.columns or text.alternative or key in catalogue(), key
+
+
+@pytest.mark.parametrize(
+    "fact", [Fact(column="Axis", rows={"Axis": "none"}), Fact(), None]
+)
+def test_a_fact_without_a_value_is_named(fact, monkeypatch):
+    """No row matches, the computation does not return it, or it has no format."""
+    text = ItemText(columns=(Column("Axis"),), facts={"lost": fact} if fact else {})
+    monkeypatch.setattr(Study, "text", text)
+    named = dict if fact else lambda: {"lost": 1.0}
+    table = Study("niu2024/x", lambda _: [("x",)], (), False, lambda _: named())
+    with pytest.raises(ValueError, match="fact lost"):
+        table.facts()
 
 
 @pytest.mark.parametrize(

@@ -137,9 +137,19 @@ def test_unknown_formats_are_named():
     for call in (lambda: rp.table(KEY).export("xls"), lambda: cite(KEY, "apa")):
         with pytest.raises(ValueError, match=r"^format: .*'(xls|apa)'"):
             call()
-    for call, argument in ((rp.cite, "address"), (rp.verify, "citation")):
-        with pytest.raises(TypeError, match=f"^{argument}: "):
-            call(b"niu2024/table-3")
+    for call, argument in (
+        (rp.cite, "address"),
+        (rp.verify, "citation"),
+        (rp.table, "address"),
+        (rp.table(KEY).__getitem__, "name"),
+        (rp.posterior, "name"),
+        (rp.figure, "key"),
+        (rp.figure("niu2024/fig-4").save, "path"),
+        (rp.figure("chen2023/fig-11").save, "path"),
+    ):
+        for wrong in (b"niu2024/table-3", ["niu2024/table-3"]):
+            with pytest.raises(TypeError, match=f"^{argument}: "):
+                call(wrong)
     for address in ("chen2023/heat#x", "niu2024/fig-4#x", f"{KEY}#"):
         with pytest.raises(
             KeyError, match=f"^'key: .*'{address}'|^\"key: .*'{address}'"

@@ -161,7 +161,11 @@ def _check_randomness(
         expected = f"None, since {key} draws no random numbers"
         if random:
             expected = f"a whole number from {least} to {greatest:,}"
-            if isinstance(number, int | np.integer) and least <= number <= greatest:
+            if (
+                isinstance(number, int | np.integer)
+                and not isinstance(number, bool)
+                and least <= number <= greatest
+            ):
                 continue
         if number is not None:
             raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")

@@ -369,6 +369,12 @@ class Study(PaperFunction):
                 for column, value in fact.rows.items():
                     rows = rows[rows[column] == value]
                 values[name] = rows[fact.column].agg(fact.take)
+        for name in {*facts, *values}:
+            value = values.get(name)
+            if name not in facts or value is None or value != value:
+                raise ValueError(
+                    f"{self.key}, fact {name}: expected a value, got {value}"
+                )
         return {
             name: replace(facts[name], value=value) for name, value in values.items()
         }

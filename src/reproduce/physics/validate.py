@@ -1,8 +1,8 @@
 """Checks of the arguments of public functions.
 
 A function under `checked` declares its arguments by annotations such as `Points` or `Positive` and
-receives float arrays. An error contains the argument, the expected and the given value, and a
-remedy.
+receives float arrays, or a text for `Text`. An error contains the argument, the expected and the
+given value, and a remedy.
 """
 
 from __future__ import annotations
@@ -152,6 +152,13 @@ def _count(name: str, value: int, *, shape: _Shape) -> int:
     return whole_number(name, value)
 
 
+def _text(name: str, value: object, *, shape: _Shape) -> str:
+    """Return a text; raise TypeError for another object."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name}: expected text, got {value!r}. Give one str")
+    return value
+
+
 def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> FloatArray:
     """Return matrices (..., 3, 3) as floats after checking that they are proper rotations.
 
@@ -184,12 +191,13 @@ Directions = Annotated[Any, ("n", 3)]
 Rotation = Annotated[Any, (3, 3), rotations]
 Weights = Annotated[Any, ("n",)]
 Image = Annotated[Any, (None, None)]
+Text = Annotated[str, (), _text]
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Check the arguments of a function by their annotations, and their batches; None passes.
+    """Check the arguments of a function by their annotations, and their batches.
 
-    The function receives float arrays.
+    None is valid where it is the default. The function receives float arrays.
 
     Examples
     --------
@@ -213,7 +221,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         bound.apply_defaults()
         batches, lengths = {}, dict[str, tuple[str, int]]()
         for name, value in bound.arguments.items():
-            if name in kinds and value is not None:
+            default = signature.parameters[name].default
+            if name in kinds and (value is not None or default is not None):
                 shape, check = kinds[name]
                 bound.arguments[name] = array = check(name, value, shape=shape)
                 full = np.shape(array)

@@ -16,10 +16,12 @@ FIGURES, DRAWS = (".svg", ".pdf", ".png"), (".csv", ".nc")
 def check_target(
     path: str | Path, endings: Collection[str], name: str = "path"
 ) -> Path:
-    """Return `path`, or raise `ValueError` if no file with one of `endings` can be written there.
+    """Return `path`, or raise an error if no file with one of `endings` can be written there.
 
     Errors use `name` for the argument.
     """
+    if not isinstance(path, str | Path):
+        raise TypeError(f"{name}: expected the path of a file, got {path!r}")
     path = Path(path)
     folder = path.parent
     if path.suffix.lower() not in endings:

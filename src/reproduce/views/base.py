@@ -21,6 +21,7 @@ from reproduce.papers.declare import (
     changeable,
     declarations,
 )
+from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import Inputs
 from reproduce.views import keys
@@ -146,8 +147,9 @@ class Rerunnable(ItemView):
         Address or ``seed`` to the value as given.
     """
 
+    @checked
     def __init__(
-        self, key: str, changes: Change | None = None, seed: int | None = None
+        self, key: Text, changes: Change | None = None, seed: int | None = None
     ) -> None:
         self.key, self.seed = key, seed
         self._rerun = rerun.Rerun(key, changes, seed=seed, random=self.random)

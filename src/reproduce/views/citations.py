@@ -18,6 +18,7 @@ from reproduce.judge.ledger import Record, record_of
 from reproduce.locate import papers
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import PaperFunction, computation_for, study
+from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
 from reproduce.version import AUTHORS, content_id
 from reproduce.views import keys, verdicts
@@ -44,7 +45,8 @@ _WHOLE = (
 )
 
 
-def cite(address: str, form: str = "bibtex") -> str:
+@checked
+def cite(address: Text, form: Text = "bibtex") -> str:
     """Return the citation of an item, a cell or a supplementary table, and of its paper.
 
     Parameters
@@ -70,10 +72,6 @@ def cite(address: str, form: str = "bibtex") -> str:
     >>> print(cite("niu2024/table-2#scale.red", "sentence").partition(" is")[0])
     The number printed in Table 2, scale factor, red, of Niu et al. (2024)
     """
-    if not isinstance(address, str):
-        raise TypeError(
-            f"address: expected text, such as 'niu2024/table-3', got {address!r}"
-        )
     if address == "all":
         return _written(form, "pointing", _WHOLE, PAPERS)
     key, _, name = address.partition("#")

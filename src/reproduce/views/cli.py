@@ -95,6 +95,8 @@ def _pairs(
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise click.UsageError(f"{param.opts[0]} {text}: expected {param.metavar}")
+        if name.strip() in pairs:
+            raise click.UsageError(f"{param.opts[0]} {text}: expected {name} only once")
         pairs[name.strip()] = value.strip()
     return pairs
 

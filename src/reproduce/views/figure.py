@@ -309,7 +309,7 @@ class Panels(Display, list[Figure]):
         list of pathlib.Path
             The written files.
         """
-        path = Path(path)
+        path = check_target(path, FIGURES)
         return [panel.save(path.with_stem(path.stem + panel.key[-1])) for panel in self]
 
     def rerun(

@@ -7,10 +7,12 @@ from collections.abc import Collection
 
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import declarations
+from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import library
 
 
-def check_key(key: str) -> str:
+@checked
+def check_key(key: Text) -> str:
     """Return `key` if it names an item.
 
     Examples
@@ -18,8 +20,6 @@ def check_key(key: str) -> str:
     >>> check_key("niu2024/table-3")
     'niu2024/table-3'
     """
-    if not isinstance(key, str):
-        raise TypeError(f"key: expected text, such as 'niu2024/table-3', got {key!r}")
     known = list(catalogue())
     if key in known:
         return key

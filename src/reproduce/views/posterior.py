@@ -35,6 +35,7 @@ from reproduce.inference.models import (
     MixtureRegistration,
 )
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
@@ -84,9 +85,10 @@ class Posterior(ResultView):
     The parameters are those of `reproduce.posterior`; `settings` belong to your data.
     """
 
+    @checked
     def __init__(
         self,
-        name: str,
+        name: Text,
         data: Any = None,
         priors: Mapping[str, Any] | None = None,
         **settings: Any,

@@ -159,6 +159,8 @@ class Sweep(Display):
             raise ValueError(
                 f"values: expected a list with {listed} for each step, got {values!r}"
             )
+        if len({*names}) < len(names):
+            raise ValueError(f"address: expected different inputs, got {names}")
         cells = [find(name)[0] for name in names]
         self.printed, self.steps = list[bool](), list[pd.DataFrame]()
         for step in steps:
@@ -168,7 +170,8 @@ class Sweep(Display):
             self.steps.append(rows.assign(setting=", ".join(map(str, step))))
         self.rows = pd.concat(self.steps)
         inputs = "an input" if len(names) == 1 else f"{len(names)} inputs"
-        self.caption = f"{place}, for {len(steps)} values of {inputs}."
+        count = "1 value" if len(steps) == 1 else f"{len(steps)} values"
+        self.caption = f"{place}, for {count} of {inputs}."
         if self.rows["low"].notna().any():
             self.caption += " In brackets: the central 99 % of the prediction."
         self.label, self.dashed = ", ".join(cell.label for cell in cells), dashed

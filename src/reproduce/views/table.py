@@ -14,6 +14,7 @@ from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, item_ledger, record_of
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import changeable, computation_for
+from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import minus
 from reproduce.views import keys, verdicts
@@ -41,7 +42,8 @@ from reproduce.views.study import StudyTable
 from reproduce.views.sweep import Changed, Sweep
 
 
-def table(address: str) -> Table | Cell | StudyTable:
+@checked
+def table(address: Text) -> Table | Cell | StudyTable:
     """Return a table, a group of quoted numbers, one cell of it, or a supplementary table.
 
     Parameters
@@ -65,7 +67,7 @@ def table(address: str) -> Table | Cell | StudyTable:
     >>> table("niu2024/table-2")["scale.red"].verdict
     'exact'
     """
-    key, _, name = str(address).partition("#")
+    key, _, name = address.partition("#")
     if name and key in library():
         return Cell(library()[key][name])
     if address in catalogue("studies"):
@@ -94,7 +96,8 @@ class Table(ItemView):
     def _ledger(self) -> Ledger:
         return item_ledger(self.key)
 
-    def __getitem__(self, name: str) -> Cell:
+    @checked
+    def __getitem__(self, name: Text) -> Cell:
         """Return one cell by its name, such as ``scale.red``."""
         return Cell(self._printed[name])
 

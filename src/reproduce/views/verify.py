@@ -8,13 +8,15 @@ from functools import cache
 
 from reproduce.judge.ledger import Record, record_of
 from reproduce.locate import data_folder
+from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import library
 from reproduce.version import NAME, version
 from reproduce.views.citations import mark, statement
 from reproduce.views.computed import whole_ledger
 
 
-def verify(citation: str) -> str:
+@checked
+def verify(citation: Text) -> str:
     """Compare the citation of a cell with the statements of this package and of its releases.
 
     The mark of a citation is a checksum of its statement, which anyone can compute. It protects
@@ -47,10 +49,6 @@ def verify(citation: str) -> str:
     >>> verify(cite("niu2024/table-2#scale.red", "text"))
     'current'
     """
-    if not isinstance(citation, str):
-        raise TypeError(
-            f"citation: expected text, got {citation!r}. Use the form 'text' of `cite`"
-        )
     text, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
     # Authors and year are before the statement, except in citations of version 0.2.0.
     stated = re.sub(r"^[^\[(]* \(\d{4}\)\. ", "", text, count=1)
