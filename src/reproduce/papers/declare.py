@@ -355,6 +355,10 @@ class Study(PaperFunction):
         text = self.text
         heads = [column.name for column in text.columns]
         frame = pd.DataFrame(list(self.function(inputs)), columns=heads)
+        for column in text.columns:
+            if column.zero and column.form != "chance":
+                noise = frame[column.name].abs() < column.zero
+                frame.loc[noise, column.name] = 0.0
         blanks = self.named(inputs) if "{" in text.caption else {}
         frame.attrs["caption"] = text.caption.format_map(blanks)
         return frame

@@ -175,7 +175,7 @@ def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
         (cell,) = find(text)
         found["Printed"] = link(cell.anchor, cell.shown)
         found["Verdict"] = badge(record_of(text).verdict)
-        text = cell.label
+        text = f"{cell.place.partition(',')[0]}: {cell.label}"
     return {**found, "Quantity": link(f"posterior-{key}", text)}
 
 

@@ -36,6 +36,12 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     assert 0.6 < (surprise**2).mean() < 1.5
 
 
+def test_a_range_that_would_fill_the_memory_is_refused():
+    high = "chen2023/text-resolution#resolution-high"
+    with pytest.raises(ValueError, match=f"{high}: expected 1 to 1,000"):
+        resolution.optimum(INPUTS.changed({high: 80_000 * ARCSEC}))
+
+
 def test_saturation_is_the_coarsest_resolution_that_none_finer_beats():
     assert resolution._saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.03) == 2
     assert resolution._saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.03) == 2

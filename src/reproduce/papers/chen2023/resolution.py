@@ -93,6 +93,8 @@ _WIDTHS = {
 }
 # Fraction of the variance of Table III that is read noise.
 _READ_FRACTIONS = {"photon": 0.0, "read": 0.9}
+# More resolutions would only fill the memory.
+_MAX_RESOLUTIONS = 1000
 # Flux over the flux that gives the variance of Table III.
 _FLUX_FACTORS = {"table-3": 1.0, "brighter": 1.1}
 
@@ -171,7 +173,13 @@ class _Setting(NamedTuple):
 def _resolutions(inputs: Inputs) -> FloatArray:
     """Return the angular resolutions of the study, one arc second apart, in radians."""
     low, high = inputs.array("chen2023/text-resolution#resolution-*")
-    return np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1)
+    count = round((high - low) / RADIANS_PER_ARCSEC) + 1
+    if not 1 <= count <= _MAX_RESOLUTIONS:
+        raise ValueError(
+            f"chen2023/text-resolution#resolution-high: expected 1 to {_MAX_RESOLUTIONS:,} "
+            f"resolutions, one arc second apart, got {count:.6g}. Choose a shorter range"
+        )
+    return np.linspace(low, high, count)
 
 
 def _setting(
