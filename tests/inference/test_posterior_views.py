@@ -69,6 +69,7 @@ def test_a_summary_contains_the_printed_number_and_its_verdict():
     assert f">{cell.printed}" in printed
     assert f">{cell.verdict}<" in verdict
     assert 'href="#posterior-camera-red"' in label
+    assert "Table 4: Rotation angle, Red" in label
 
 
 def test_a_posterior_shows_the_truth_of_simulated_data_and_the_changes(tmp_path):
