@@ -168,7 +168,10 @@ REJECTED = {
     "^pivot: ": [lambda: rp.posterior("registration", pivot=(1.0, 1.0))],
     "^platform: ": [lambda: rp.posterior("misalignment", platform=object())],
     "modle": [lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid")],
-    "^source: ": [lambda: rp.register([SQUARE] * 2, [SQUARE] * 2)],
+    "^source: ": [
+        lambda: rp.register([SQUARE] * 2, [SQUARE] * 2),
+        lambda: rp.register(None, SQUARE),
+    ],
     "^target: ": [
         lambda: rp.register(SQUARE),
         lambda: rp.register(np.eye(20)),
