@@ -102,10 +102,10 @@ def test_a_sweep_of_a_prediction_shows_its_intervals():
     assert bars[1] / bars[0] == pytest.approx(widths[1] / widths[0], rel=1e-3)
     frames = (
         table.sweep(NOISE, numbers, replicates=20).frame()
-        for numbers in (np.arange(1, 3), [1, Decimal(2)], ["1 px", "2 px"])
+        for numbers in ([np.int64(1), Decimal(2)], ["1 px", "2 px"])
     )
-    first, *others = (frame["computed"].tolist() for frame in frames)
-    assert others == [first, first]
+    first, second = (frame["computed"].tolist() for frame in frames)
+    assert first == second
     lines = repr(table.sweep(NOISE, values, replicates=20)).splitlines()
     assert max(map(len, lines)) <= 80
 

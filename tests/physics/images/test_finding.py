@@ -118,14 +118,13 @@ def test_deviations_of_pixels_may_contain_the_photon_noise_of_the_spots():
         spots = find_spots(exposed(frame, default_rng(seed)), sigma=sigma)
         assert spots.findings == ()
         all_pulls.append(pulls(spots, places, light)[0])
-    pull = np.concatenate(all_pulls)
-    assert pull.std() == pytest.approx(1, abs=4 / np.sqrt(2 * pull.size) + 0.03)
+    # Four standard errors of some 460 pulls, and 3 % of the model.
+    assert np.concatenate(all_pulls).std() == pytest.approx(1, abs=0.16)
 
 
 def test_spots_without_a_centre_have_a_reason():
     """Numbers of missing pixels that are no NaN."""
-    frame = render_frame(*stars(0), 1.2, (SIDE, SIDE))
-    frame = exposed(frame, default_rng(0))
+    frame = exposed(render_frame(*stars(0), 1.2, (SIDE, SIDE)), default_rng(0))
     frame[::7, ::5] = -32768
     assert (find_spots(frame).reasons != "").all()
 
