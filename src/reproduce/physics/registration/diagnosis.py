@@ -348,7 +348,7 @@ def diagnose_fit(
         if all(one.kind == "sensitive" for one in found):
             findings += _uneven(right)
     if others and others.degrees_of_freedom >= _MIN_FREEDOM:
-        remedy = ": wrong matches? Pass robust=True, or use registration-mixture"
+        remedy = ": wrong matches? Fit with robust=True, or use registration-mixture"
         findings += _rejected(others, "mismatched", remedy)
     return findings, terms
 
