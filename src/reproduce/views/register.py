@@ -116,7 +116,6 @@ def register(
             "source: expected stars or an image, got None. Pass a table, an array or a file"
         )
     arguments = {name: value for name, value in locals().items() if value is not None}
-    arguments["source"] = source  # None has its own error
     separate = are_separate(source, target)
     if separate and target is None:
         raise ValueError("target: expected another image or list, got none. Pass both")
