@@ -101,14 +101,16 @@ def _sufficient(inputs: Inputs) -> FloatArray:
 
 
 def _star_facts(inputs: Inputs) -> dict[str, float]:
-    """Return sufficient numbers of stars, and the neglected distortion at the edge."""
+    """Return errors at the edge for the printed number of stars, and sufficient numbers."""
     count = inputs.count(_COUNT)
     [plain], [free], neglected = _at_edge(inputs, np.array([count]))
     left_out = np.hypot(*neglected)
+    errors = _edge_errors(inputs, np.array([count]))[:, 1:, 0]
     names = ("similarity", "distortions")
     return {
         "level": 100 * LEVELS[2],
         "left-out": left_out,
+        **by_cell("{}-{}", errors, names, ("all", "all-high")),
         **by_cell("{}-enough", _sufficient(inputs), names),
         # Equal mean squares: the one of the similarity includes the neglected distortion.
         "free-from": count * np.trace(free - plain) / left_out**2,
