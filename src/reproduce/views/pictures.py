@@ -148,7 +148,7 @@ def match(
 
     Shifts are tried first, then triangles of the brightest stars, then triangles of the most
     isolated stars. Four common stars suffice if they agree to their errors. Matches that are not
-    better than by chance, or ambiguous, as on a regular grid, are rejected.
+    better than by chance are rejected, and ambiguous ones, as on a regular grid with missing stars.
 
     Parameters
     ----------

@@ -259,11 +259,6 @@ def fitted_spots(
     >>> spot = fitted_spots(window, (0, 0), 1.0, 3.0)
     >>> spot.centre.round(6), np.sqrt(np.diag(spot.covariance)).round(3)
     (array([4., 4.]), array([0.072, 0.048]))
-
-    A dark window has no spot.
-
-    >>> fitted_spots(np.zeros((3, 3)), (0, 0), 0.6).centre
-    array([nan, nan])
     """
     shape = windows.shape[-2:]
     batch = np.broadcast_shapes(
