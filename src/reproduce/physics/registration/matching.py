@@ -96,9 +96,9 @@ def match_points(
     )
     best, is_ambiguous = np.zeros((0, 2), int), False
     fewest = min(len(source), len(target))
-    for is_turned, (rows, others) in enumerate(found):
-        # Every star of a whole grid has a pair under one shift only.
-        is_whole = not is_turned and len(rows) == fewest > others
+    for number, (rows, others) in enumerate(found):
+        # The first pairs are those of a shift. Only one shift pairs all stars of a whole grid.
+        is_whole = number == 0 and len(rows) == fewest > others
         if others > _MAX_OTHERS * len(rows) and not is_whole:
             is_ambiguous = True
         elif len(rows) > len(best):
