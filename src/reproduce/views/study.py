@@ -14,7 +14,8 @@ from reproduce.views import numbers
 from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Grid, Html, fold
 from reproduce.views.export import table_files
-from reproduce.views.sweep import Sweep
+from reproduce.views.keys import check_choice
+from reproduce.views.sweep import Point, Sweep
 
 
 class StudyTable(Rerunnable):
@@ -69,43 +70,30 @@ class StudyTable(Rerunnable):
             If there is no such column of numbers, or no row has such an entry.
         """
         chosen, first = rows or {}, self._columns[0].name
-        if unknown := {*chosen} - {*self.frame()}:
-            raise ValueError(f"rows: expected names of columns, got {unknown}")
+        for name in chosen:
+            check_choice("rows", name, [*self.frame()])
         before = _selected(self.frame(), chosen)
         known = {c.name: c for c in self._columns if c.form}
-        if unknown := {*columns} - {*known}:
-            raise ValueError(f"columns: expected some of {list(known)}, got {unknown}")
+        for name in columns:
+            check_choice("columns", name, known)
         shown = [*columns] or [name for name in known if name != first]
         heads = [c.name for c in self._columns if not c.form] or [first]
         heads = [name for name in heads if before[name].nunique() > 1]
-        cells = []
-        for row in before[heads].to_dict("records"):
-            texts = [v if isinstance(v, str) else f"{n} {v}" for n, v in row.items()]
-            start = ", ".join(texts) + ": " * bool(texts)
-            cells += [start + name for name in shown]
 
-        def compute(step: Change) -> pd.DataFrame:
+        def compute(step: Change) -> Iterator[Point]:
             after = _selected(self.rerun(step).frame(), chosen)
             if before.empty or len(before) != len(after):
                 raise ValueError(f"{self.key}: expected the same rows at every value")
-            entries = [
-                numbers.entry(row[name], known[name])
-                for row in after.to_dict("records")
-                for name in shown
-            ]
-            values, mark = (
-                one[shown].to_numpy(float).ravel() for one in (after, before)
-            )
-            frame = pd.DataFrame({"cell": cells, "label": cells, "text": entries})
-            return frame.assign(
-                computed=values,
-                mark=mark,
-                unit="",
-                low=None,
-                high=None,
-                bottom=None,
-                top=None,
-            )
+            rows = (frame.to_dict("records") for frame in (before, after))
+            for old, new in zip(*rows, strict=True):
+                row = [(name, old[name]) for name in heads]
+                texts = [v if isinstance(v, str) else f"{n} {v}" for n, v in row]
+                start = ", ".join(texts) + ": " * bool(texts)
+                for name in shown:
+                    label, text = start + name, numbers.entry(new[name], known[name])
+                    nothing = None, None
+                    values = new[name], *nothing, old[name], *nothing
+                    yield label, label, "", text, *values
 
         return Sweep(
             self.title, moved, values, compute, "values for the printed inputs"

@@ -24,6 +24,10 @@ from reproduce.views.figure import figure_block
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# A number of a step: entries of the columns of a sweep.
+Point = tuple[Any, ...]
+_NUMBERS = ["computed", "low", "high", "mark", "bottom", "top"]
+_COLUMNS = ["cell", "label", "unit", "text", *_NUMBERS]
 # Height of a panel in inches, and largest number of panels of a graph.
 _PANEL_INCHES, _MAX_PANELS = 1.7, 8
 
@@ -106,16 +110,14 @@ class Changed(Display):
             rows.append(dict(zip(heads, texts, strict=True)))
         return [Grid.of(caption, heads, rows)]
 
-    def rows(self) -> pd.DataFrame:
-        """Return the rows of a step of a `Sweep`."""
-        frame = self.frame().rename(columns={"changed": "computed"}).reset_index()
-        rows = []
+    def points(self) -> Iterator[Point]:
+        """Yield the numbers of a step of a `Sweep`."""
         for one in self.cells:
             cell, (_, value, low, high) = one.cell, one.texts
             text = quantity(value + f" ({low} to {high})" * bool(low), cell.symbol)
-            rows.append((cell.label, text, cell.number.value, *cell.number.interval()))
-        more = pd.DataFrame(rows, columns=["label", "text", "mark", "bottom", "top"])
-        return frame.join(more)
+            numbers = one.value, *(one.interval or (None, None))
+            printed = cell.number.value, *cell.number.interval()
+            yield cell.name, cell.label, cell.symbol, text, *numbers, *printed
 
 
 class Sweep(Display):
@@ -130,8 +132,8 @@ class Sweep(Display):
     values : sequence
         Value of each step as printed; a tuple of values for several cells.
     compute : callable
-        Function of a change that returns one row per number: cell, label, computed, low, high,
-        unit, text, and for its panel the dashed line (mark) and the band (bottom, top).
+        Function of a change that yields for each number: cell, label, unit, text, computed, low,
+        high, and for its panel the dashed line (mark) and the band (bottom, top).
     dashed : str
         Meaning of the dashed lines, and of the bands.
 
@@ -146,7 +148,7 @@ class Sweep(Display):
         place: str,
         moved: str | Sequence[str],
         values: Sequence[str | float | Sequence[str | float]],
-        compute: Callable[[Change], pd.DataFrame],
+        compute: Callable[[Change], Iterable[Point]],
         dashed: str = "printed values; shaded: their intervals",
     ) -> None:
         names = [moved] if isinstance(moved, str) else [*moved]
@@ -162,48 +164,51 @@ class Sweep(Display):
         if len({*names}) < len(names):
             raise ValueError(f"address: expected different inputs, got {names}")
         cells = [find(name)[0] for name in names]
-        self.printed, self.steps = list[bool](), list[pd.DataFrame]()
-        for step in steps:
-            numbers = map(si_value, cells, step)
-            self.printed.append(all(map(isclose, numbers, (cell.si for cell in cells))))
-            rows = compute(dict(zip(names, step, strict=True)))
-            self.steps.append(rows.assign(setting=", ".join(map(str, step))))
-        self.rows = pd.concat(self.steps)
-        inputs = "an input" if len(names) == 1 else f"{len(names)} inputs"
-        count = "1 value" if len(steps) == 1 else f"{len(steps)} values"
-        self.caption = f"{place}, for {count} of {inputs}."
-        if self.rows["low"].notna().any():
-            self.caption += " In brackets: the central 99 % of the prediction."
+        printed = [cell.si for cell in cells]
+        self.printed = [
+            all(map(isclose, map(si_value, cells, step), printed)) for step in steps
+        ]
+        self.settings = [", ".join(map(str, step)) for step in steps]
+        self.steps = [
+            pd.DataFrame(compute(dict(zip(names, step, strict=True))), columns=_COLUMNS)
+            for step in steps
+        ]
         self.label, self.dashed = ", ".join(cell.label for cell in cells), dashed
+        self.caption = f"{place}, for each value of {self.label}."
+        if self.frame()["low"].notna().any():
+            self.caption += " In brackets: the central 99 % of the prediction."
         self.name = f"sweep-{anchor('-'.join(names))}"
 
     def frame(self) -> pd.DataFrame:
         """Return one row per step and cell: value, central 99 % and unit."""
-        frame = self.rows.set_index(["setting", "cell"])
+        steps = [step.set_index("cell") for step in self.steps]
+        frame = pd.concat(steps, keys=self.settings, names=["setting"])
         return frame[["computed", "low", "high", "unit"]]
 
     def blocks(self) -> Iterator[Block]:
         """Yield a table of the steps, on a page with a slider and a graph of each number."""
         lines = [
-            (part["setting"].iloc[0] + " (printed)" * printed, *part["text"])
-            for printed, part in zip(self.printed, self.steps, strict=True)
+            (setting + " (printed)" * printed, *step["text"])
+            for setting, printed, step in zip(
+                self.settings, self.printed, self.steps, strict=True
+            )
         ]
-        grid = Grid(self.caption, (self.label, *self.steps[0]["label"]), lines)
-        numbers = [part for _, part in self.rows.groupby(level=0)]
+        labels, units = self.steps[0][["label", "unit"]].to_numpy().T
+        grid = Grid(self.caption, (self.label, *labels), lines)
+        numbers = np.array([step[_NUMBERS] for step in self.steps], float)
 
         def paint(figure: Figure) -> None:
-            set_size(figure, 0.4 + _PANEL_INCHES * len(numbers))
-            panels = figure.subplots(len(numbers), sharex=True, squeeze=False)[:, 0]
-            for axes, part in zip(panels, numbers, strict=True):
-                low, value, high = part[["low", "computed", "high"]].to_numpy(float).T
-                mark, *ends = part[["mark", "bottom", "top"]].astype(float).iloc[0]
+            set_size(figure, 0.4 + _PANEL_INCHES * len(labels))
+            panels = figure.subplots(len(labels), sharex=True, squeeze=False)[:, 0]
+            parts = zip(panels, labels, units, numbers.transpose(1, 2, 0), strict=True)
+            for axes, label, unit, (value, low, high, *marks) in parts:
+                mark, *ends = np.transpose(marks)[0]
                 axes.axhline(mark, color="C1", linestyle="--")
                 if np.isfinite(ends).all():
                     axes.axhspan(*ends, facecolor=("C1", 0.2))
                 axes.errorbar(
-                    part["setting"], value, [value - low, high - value], fmt="C0o"
+                    self.settings, value, [value - low, high - value], fmt="C0o"
                 )
-                label, unit = part[["label", "unit"]].iloc[0]
                 axes.set_title(fill(label + f" ({unit})" * bool(unit), 45))
             panels[-1].set_xlabel(self.label)
 
@@ -211,7 +216,7 @@ class Sweep(Display):
             words = f"Graph of the computed values against {self.label}."
             shown = self.caption.replace("In brackets", "Bars")
             caption, graph = f"{shown} Dashed: the {self.dashed}.", ""
-            if len(numbers) <= _MAX_PANELS:
+            if len(labels) <= _MAX_PANELS:
                 graph = figure_block(self.name, paint, words, caption).markup
             return rendered("sweep", sweep=self, grid=grid.markup, graph=graph)
 

@@ -39,7 +39,7 @@ from reproduce.views.export import (
 )
 from reproduce.views.readings import Readings, summary
 from reproduce.views.study import StudyTable
-from reproduce.views.sweep import Changed, Sweep
+from reproduce.views.sweep import Changed, Point, Sweep
 
 
 @checked
@@ -203,9 +203,9 @@ class Table(ItemView):
         for name in cells:
             self[name]
 
-        def compute(step: Change) -> pd.DataFrame:
+        def compute(step: Change) -> Iterator[Point]:
             result = rerunning.Rerun(self.key, step, replicates=replicates)
-            return Changed(result, cells).rows()
+            return Changed(result, cells).points()
 
         return Sweep(self._printed.place, address, values, compute)
 
