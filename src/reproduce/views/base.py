@@ -27,7 +27,7 @@ from reproduce.printed.inputs import Inputs
 from reproduce.views import keys
 from reproduce.views.blocks import Display, rendered
 from reproduce.views.citations import cite
-from reproduce.views.export import export_frame, provenance_of
+from reproduce.views.export import export_frame, provenance_of, table_files
 
 Change = Mapping[str, str | float]  # address of a printed cell to a value as printed
 
@@ -99,34 +99,17 @@ class ItemView(ResultView):
         functions = (one.function for one in made if isinstance(one, PaperFunction))
         return "\n\n\n".join(map(text_of, functions))
 
-    def _toolbar(
-        self, anchor: str, files: Iterable[str], source: str, inputs: str = ""
-    ) -> Markup:
-        """Return the toolbar below it on a page, with an anchor for each function.
+    @property
+    def files(self) -> Iterable[str]:
+        """Its files below the root of the book."""
+        return table_files(self.key)
 
-        Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
+    def _toolbar(self, name: str) -> Markup:
+        """Return the toolbar below it on a page, where its anchor is `name`.
 
-        Parameters
-        ----------
-        anchor : str
-            Its anchor on the page.
-        files : iterable of str
-            Paths of its data and figures below the root of the book.
-        source : str
-            Text of the functions that compute it; empty if there are none.
-        inputs : str
-            Inputs of the computation, as HTML; empty if there are none.
+        Its links lead to its `files`, and each of its functions has an anchor.
         """
-        return rendered(
-            "bar",
-            key=self.key,
-            anchor=anchor,
-            files=files,
-            source=source,
-            inputs=inputs,
-            cite=cite,
-            library=library(),
-        )
+        return rendered("bar", item=self, name=name, cite=cite, library=library())
 
 
 class Rerunnable(ItemView):

@@ -29,7 +29,7 @@ from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import powers
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys
-from reproduce.views.base import Change, Rerunnable, text_of
+from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Display, Html, rendered
 from reproduce.views.verdicts import filled
 
@@ -272,13 +272,8 @@ class Figure(Rerunnable):
             f"{textwrap.fill(self.caption, 79)}\n"
             f"Draw it with `reproduce figure {self.key} --out FILE.svg` and the same options."
         )
-        bar = Markup()
-        if self.changes:
-            name = f"{name}-changed"
-        else:
-            declared = self._declared
-            source = text_of(declared.function) if isinstance(declared, Drawing) else ""
-            bar = self._toolbar(name, self.files, source)
+        bar = "" if self.changes else self._toolbar(name)
+        name += "-changed" * bool(self.changes)
         page = _inline(self.vectors(), name, self.alternative, self.caption, bar)
         yield Html(page, text)
 

@@ -13,7 +13,6 @@ from reproduce.printed.cells import anchor
 from reproduce.views import numbers
 from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Grid, Html, fold
-from reproduce.views.export import table_files
 from reproduce.views.keys import check_choice
 from reproduce.views.sweep import Point, Sweep
 
@@ -130,8 +129,7 @@ class StudyTable(Rerunnable):
         if omitted := len(frame) - len(first):
             yield f"{omitted:,} more rows, by {text.folded}, are in its files."
         if not self.changes:
-            bar = self._toolbar(where, table_files(self.key), self.source)
-            yield Html(bar, self.key)
+            yield Html(self._toolbar(where), self.key)
 
 
 def _selected(frame: pd.DataFrame, chosen: Mapping[str, Any]) -> pd.DataFrame:

@@ -35,7 +35,6 @@ from reproduce.views.export import (
     export_frame,
     full_frame,
     provenance_of,
-    table_files,
 )
 from reproduce.views.readings import Readings, summary
 from reproduce.views.study import StudyTable
@@ -295,14 +294,9 @@ class Table(ItemView):
             judged = Blocks(tuple(_judged(table.place, results)))
             yield fold("How each cell was judged", judged)
 
-        def bar() -> Markup:
-            cells = verdicts.linked(self.inputs)
-            inputs = rendered("inputs", table=self, cells=cells) if cells else ""
-            files = table_files(self.key)
-            return self._toolbar(anchor(self.key), files, self.source, inputs)
-
         yield Html(
-            bar, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell"
+            lambda: self._toolbar(anchor(self.key)),
+            f"{self.key}: reproduce show {self.key}#CELL shows all about a cell",
         )
 
 
