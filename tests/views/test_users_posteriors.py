@@ -202,7 +202,7 @@ def test_bounds_of_priors_are_two_numbers():
 WRONG = {
     "mirror image": {"sign": [-1, 1, 1, 1]},
     "within 100 fields of the stars": {"options": ["--pivot", "1e9", "1e9"]},
-    "--prior noise=0.1": {"options": ["--prior", "noise=0.1"]},
+    "prior of noise": {"options": ["--prior", "noise=0.1"]},
     "prior of rotation": {"options": ["--prior", "rotation=2,-2"]},
     "priors": {"options": ["--prior", "nois=0.1,1"]},
     "--out": {"options": ["--out", "nowhere/p.nc"]},

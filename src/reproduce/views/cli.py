@@ -90,29 +90,15 @@ def _pairs(
     ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, str]:
     """Return the texts to the left and to the right of the equals signs."""
-    pairs = {}
+    pairs: dict[str, str] = {}
     for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip():
-            raise click.UsageError(f"{param.opts[0]} {text}: expected {param.metavar}")
-        if name.strip() in pairs:
-            raise click.UsageError(f"{param.opts[0]} {text}: expected {name} only once")
-        pairs[name.strip()] = value.strip()
-    return pairs
-
-
-def _priors(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]) -> Any:
-    """Return the lowest and the highest value of each prior."""
-    priors = {}
-    for name, text in _pairs(ctx, param, texts).items():
-        try:
-            low, high = map(float, text.split(","))
-        except ValueError as error:
+        name, equals, value = map(str.strip, text.partition("="))
+        if not (name and equals) or name in pairs:
             raise click.UsageError(
-                f"--prior {name}={text}: expected {param.metavar}, such as noise=0.01,1"
-            ) from error
-        priors[name] = low, high
-    return priors
+                f"{param.opts[0]} {text}: expected {param.metavar}, each only once"
+            )
+        pairs[name] = value
+    return pairs
 
 
 @contextmanager
@@ -448,7 +434,8 @@ def _audit(paper: str | None, as_json: bool) -> None:
 
 
 @main.command("register")
-@click.argument("files", type=_FILE, nargs=-1, required=True, metavar="FILE...")
+@click.argument("source", type=_FILE, metavar="FILE")
+@click.argument("target", type=_FILE, required=False, metavar="[FILE]")
 @_PIVOT
 @_MODEL
 @click.option(
@@ -477,7 +464,6 @@ def _audit(paper: str | None, as_json: bool) -> None:
 )
 @_JSON
 def _register(
-    files: tuple[Path, ...],
     as_json: bool,
     start: tuple[float, float, float, float] | None,
     **settings: Any,
@@ -506,15 +492,10 @@ def _register(
     """
     from reproduce.views import register as registers
 
-    if len(files) > 2:
-        raise click.UsageError(
-            f"FILE: expected one or two, got {len(files)}. Register each image in its own command"
-        )
     if start:
         scale, rotation, *shift = start
         settings["start"] = scale, math.radians(rotation), *shift
-    target = files[1] if len(files) > 1 else None
-    fit = registers.register(files[0], target, **settings)
+    fit = registers.register(**settings)
     _show(as_json, fit.record, fit.print)
 
 
@@ -561,7 +542,7 @@ def _misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     "--prior",
     "priors",
     multiple=True,
-    callback=_priors,
+    callback=_pairs,
     metavar="PARAMETER=LOW,HIGH",
     help="Uniform prior, in the displayed unit. Repeatable.  [default: the prior of the book]",
 )

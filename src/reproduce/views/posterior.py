@@ -575,13 +575,12 @@ def _named(priors: Any) -> Mapping[str, Any]:
     return priors or {}
 
 
-def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
-    """Return your prior in SI units; its numbers are in the displayed unit."""
+def _prior(parameter: Parameter, prior: Prior | tuple[float, float] | str) -> Prior:
+    """Return your prior, perhaps as text, in SI units; its numbers are in the displayed unit."""
     try:
-        if isinstance(prior, str):
-            raise TypeError(f"expected two numbers, got {prior!r}")
         if not isinstance(prior, Prior):
-            low, high = map(float, prior)
+            ends = prior.split(",") if isinstance(prior, str) else prior
+            low, high = map(float, ends)
             prior = Uniform(low, high, "bounds given by the user")
         if isinstance(parameter.prior, LogUniform) or parameter.natural == 0:
             prior = prior.above_zero()
