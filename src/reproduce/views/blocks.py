@@ -9,7 +9,6 @@ import io
 import json
 import re
 import tomllib
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -101,17 +100,29 @@ def _powers_in_html(html: str) -> str:
     )
 
 
-class View(ABC):
-    """An object that shows itself in a notebook and in a terminal."""
+class Display:
+    """An object that shows its blocks in a notebook and in a terminal."""
+
+    def blocks(self) -> Iterable[Block]:
+        """Return the blocks; a part such as `Grid` is its own block."""
+        return [self]
 
     @property
-    @abstractmethod
-    def markup(self) -> Markup:
-        """HTML of the object."""
+    def _views(self) -> Iterator[Display]:
+        """The blocks; a sentence is a paragraph of a page."""
+        paragraph = Markup('<p class="rp-joint">{}</p>')
+        for block in self.blocks():
+            if isinstance(block, str):
+                block = Html(paragraph.format(block), block)
+            yield block
 
-    @abstractmethod
+    @property
+    def markup(self) -> Markup:
+        """HTML of the blocks."""
+        return Markup("\n").join(block.markup for block in self._views)
+
     def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
-        """Yield the object for a terminal."""
+        yield from self._views
 
     def _repr_html_(self) -> str:
         return _powers_in_html(self.markup)
@@ -131,31 +142,6 @@ class View(ABC):
         return "\n".join(line.rstrip() for line in file.getvalue().splitlines())
 
 
-class Display(View):
-    """An object that shows its blocks."""
-
-    @abstractmethod
-    def blocks(self) -> Iterable[Block]:
-        """Return the blocks."""
-
-    @property
-    def _views(self) -> Iterator[View]:
-        """The blocks; a sentence is a paragraph of a page."""
-        paragraph = Markup('<p class="rp-joint">{}</p>')
-        for block in self.blocks():
-            if isinstance(block, str):
-                block = Html(paragraph.format(block), block)
-            yield block
-
-    @property
-    def markup(self) -> Markup:
-        """HTML of the blocks."""
-        return Markup("\n").join(block.markup for block in self._views)
-
-    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
-        yield from self._views
-
-
 @dataclass(frozen=True, repr=False)
 class Blocks(Display):
     """Some blocks as one object."""
@@ -168,11 +154,11 @@ class Blocks(Display):
 
 
 @dataclass(frozen=True, repr=False)
-class Html(View):
+class Html(Display):
     """Part of a page, or a function that returns it. A terminal shows `words` instead."""
 
     text: str | Callable[[], str]
-    words: Entry | View = ""
+    words: Entry | Display = ""
 
     @property
     def markup(self) -> Markup:
@@ -184,7 +170,7 @@ class Html(View):
             yield Text(plain(words)) if isinstance(words, str) else words
 
 
-def fold(summary: Entry, content: View, *, opened: bool = False) -> Html:
+def fold(summary: Entry, content: Display, *, opened: bool = False) -> Html:
     """Return content that a page shows on demand."""
     return Html(
         lambda: rendered("fold", summary=summary, content=content, opened=opened),
@@ -193,7 +179,7 @@ def fold(summary: Entry, content: View, *, opened: bool = False) -> Html:
 
 
 @dataclass(frozen=True, repr=False)
-class Grid(View):
+class Grid(Display):
     """A table of texts; the first entry of each row is its name.
 
     Parameters
@@ -303,7 +289,7 @@ def _table(
     return table
 
 
-Block = Entry | View
+Block = Entry | Display
 
 
 def badge(word: str, text: str = "") -> Markup:

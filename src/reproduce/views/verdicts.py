@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
@@ -22,6 +21,7 @@ from reproduce.printed.cells import PAPERS, PrintedCell, anchor
 from reproduce.printed.number import minus, quantity
 from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import whole_ledger
+from reproduce.views.numbers import digits
 
 # Kinds of weak agreement, and their names for readers.
 WEAK: dict[Flag, str] = {
@@ -133,7 +133,7 @@ def _probability(record: Record | Reading) -> str:
 
 
 def chance(value: float, mcse: float) -> str:
-    """Return a probability with no more digits than its Monte Carlo error allows.
+    """Return a probability to a tenth of its Monte Carlo error, or a bound below this error.
 
     Examples
     --------
@@ -142,8 +142,7 @@ def chance(value: float, mcse: float) -> str:
     """
     if value < mcse:
         return f"<\u00a0{2 * mcse:.1g}"
-    decimals = -math.floor(math.log10(2 * mcse)) if mcse > 0 else 6
-    return f"{value:.{min(max(decimals, 1), 6)}f}"
+    return digits(value, mcse / 10)
 
 
 def _joint_facts(joint: TableRecord) -> dict[str, str]:
