@@ -28,7 +28,7 @@ HAS_CARD = "rp-has-card"
 OWN = re.compile("headerlink|rp-number|Permalink")
 WITHIN = re.compile(r'\b(href|data-link)="#([^"]+)"')
 BIBLIOGRAPHY, ERRATA, NOTATION = "bibliography", "audit/errata", "notation"
-WITH_CARDS = ("equation-", "figure-", "drawing-", "symbol-")
+WITH_CARDS = ("equation-", "figure-", "symbol-")
 MATH = re.compile(r"\$(.+?)\$")
 
 

@@ -439,3 +439,10 @@ def test_citations_have_the_address_and_the_doi_of_a_published_book(monkeypatch)
         assert url in cite(address, "text")
         assert f"UR  - {url}" in cite(address, "ris")
         assert "swh:" not in cite(address, "text")
+    for view in (
+        rp.table(STUDY),
+        rp.figure("niu2024/fig-2"),
+        rp.figure("niu2024/drawing-channels"),
+    ):
+        anchor = json.loads(view.cite("csl"))[0]["URL"].partition("#")[2]
+        assert f' id="{anchor}"' in view._repr_html_()

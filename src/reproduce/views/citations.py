@@ -19,7 +19,7 @@ from reproduce.locate import papers
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import PaperFunction, computation_for, study
 from reproduce.physics.validate import Text, checked
-from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
+from reproduce.printed.cells import PAPERS, PrintedCell, library
 from reproduce.version import AUTHORS, content_id
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import written
@@ -73,36 +73,33 @@ def cite(address: Text, form: Text = "bibtex") -> str:
     The number printed in Table 2, scale factor, red, of Niu et al. (2024)
     """
     if address == "all":
-        return _written(form, "pointing", _WHOLE, PAPERS)
+        return _written(form, "", _WHOLE, PAPERS)
     key, _, name = address.partition("#")
     paper, _, topic = key.partition("/")
-    if address in catalogue("studies"):
-        return cite_related(form, "study-", paper, key, "Supplementary table to")
-    if address in catalogue("drawings"):
-        return cite_related(form, "drawing-", paper, key, "Supplementary figure to")
-    if not name or key not in library():
-        keys.check_key(address)
-        place = keys.place(key).partition(",")[0]
-        if place == "Text":
-            place = f"the numbers quoted in the text ({topic})"
-        return cite_related(form, "", paper, key, f"Reproduction of {place} of")
-    record = record_of(library()[key][name].address)
-    if form == "sentence":
-        return statement(record, "sentence.txt")
-    text = statement(record)
-    return _written(form, anchor(address), text, [paper], address, mark(text))
+    if name and key in library():
+        record = record_of(library()[key][name].address)
+        if form == "sentence":
+            return statement(record, "sentence.txt")
+        text = statement(record)
+        return _written(form, address, text, [paper], mark(text))
+    place = keys.place(address).partition(",")[0]
+    if place.startswith("Supplementary"):
+        return cite_related(form, paper, key, f"{place} to")
+    keys.check_key(address)
+    if place == "Text":
+        place = f"the numbers quoted in the text ({topic})"
+    return cite_related(form, paper, key, f"Reproduction of {place} of")
 
 
 def cite_related(
-    form: str, prefix: str, paper: str, name: str, relation: str, title: str = ""
+    form: str, paper: str, name: str, relation: str, title: str = ""
 ) -> str:
     """Return the citation of an object with its relation to its paper, and of the paper.
 
-    `name` is its key, whose title is the default, or the name of a posterior. The name of the
-    entry begins with `prefix`.
+    `name` is its key, whose title is the default, or the name of a posterior.
     """
     title = f"{relation} {_et_al(paper)}: {title or keys.title(name)}"
-    return _written(form, f"{prefix}{anchor(name)}", title, [paper], name)
+    return _written(form, name, title, [paper])
 
 
 def in_words(cell: PrintedCell) -> str:
@@ -186,21 +183,17 @@ def _et_al(paper: str) -> str:
 
 
 def _written(
-    form: str,
-    name: str,
-    title: str,
-    cited: Collection[str],
-    address: str = "",
-    mark: str = "",
+    form: str, address: str, title: str, cited: Collection[str], mark: str = ""
 ) -> str:
     """Return the entry of an address of the book, and the entries of its papers."""
     keys.check_choice("format", form, _FORMATS)
     if form == "sentence":
         return written("related.txt", title=title, version=version)
+    element = address and keys.element(address)
     context = {
-        "name": name,
+        "name": element.removeprefix("figure-") or "pointing",
         "title": title,
-        "page": f"/goto.html#{anchor(address)}" if address else "",
+        "page": element and f"/goto.html#{element}",
         "archived": identifiers(address),
         "mark": mark,
         "version": version,

@@ -265,8 +265,6 @@ class Figure(Rerunnable):
     def blocks(self) -> Iterator[Block]:
         """Yield the figure with its caption; a terminal shows the command that draws it."""
         name = f"figure-{anchor(self.key)}"
-        if self.key in catalogue("drawings"):
-            name = f"drawing-{anchor(self.key.replace('/drawing-', '/'))}"
         text = (
             f"{self.key}: {self.title}\n{self.place}; lines and points in .data\n"
             f"{textwrap.fill(self.caption, 79)}\n"

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import declarations
 from reproduce.physics.validate import Text, checked
-from reproduce.printed.cells import library
+from reproduce.printed.cells import anchor, library
 
 
 @checked
@@ -53,9 +53,23 @@ def title(key: str) -> str:
 def place(key: str) -> str:
     """Return the place of an item in its paper, such as ``Table 3`` or ``Figure 4``."""
     if key in catalogue("studies"):
-        return "supplementary table"
+        return "Supplementary table"
     if key in catalogue("drawings"):
-        return "Supplementary drawing"
+        return "Supplementary figure"
     if key in library():
         return library()[key].place
     return f"Figure {key.rpartition('-')[2]}"
+
+
+def element(address: str) -> str:
+    """Return the anchor of an item or a cell on its page.
+
+    Examples
+    --------
+    >>> element("niu2024/fig-4"), element("chen2023/heat"), element("niu2024/table-2#scale.red")
+    ('figure-niu2024-fig-4', 'study-chen2023-heat', 'niu2024-table-2-scale-red')
+    """
+    if address.partition("#")[0] in library():
+        return anchor(address)
+    kind = "study" if address in catalogue("studies") else "figure"
+    return f"{kind}-{anchor(address)}"

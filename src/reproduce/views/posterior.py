@@ -454,9 +454,8 @@ class Posterior(ResultView):
         declared = self.declared
         return cite_related(
             form,
-            "posterior-",
             declared.paper,
-            self.name,
+            f"posterior-{self.name}",
             "Posterior of",
             declared.title,
         )

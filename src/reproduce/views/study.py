@@ -9,11 +9,10 @@ import numpy as np
 import pandas as pd
 
 from reproduce.papers.declare import Column, Study, study
-from reproduce.printed.cells import anchor
 from reproduce.views import numbers
 from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Grid, Html, fold
-from reproduce.views.keys import check_choice
+from reproduce.views.keys import check_choice, element
 from reproduce.views.sweep import Point, Sweep
 
 
@@ -121,7 +120,7 @@ class StudyTable(Rerunnable):
             [numbers.entry(row[c.name], c, row.get(c.error)) for c in shown]
             for row in first.to_dict("records")
         ]
-        where = f"study-{anchor(self.key)}"
+        where = element(self.key)
         identifier = f"{where}-changed" if self.changes else where
         heads = [column.name for column in shown]
         grid = Grid(caption, heads, rows, identifier, "rp-study")
