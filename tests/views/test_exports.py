@@ -332,7 +332,7 @@ def test_panels_are_saved_and_changed_together(tmp_path):
     ]
     paths = [tmp_path / f"fig-11{panel}.svg" for panel in "ab"]
     assert panels.save(tmp_path / "fig-11.svg") == paths == sorted(tmp_path.iterdir())
-    with pytest.raises(CannotChangeError, match=r"^changes: .*nothing"):
+    with pytest.raises(CannotChangeError, match=r"^nothing: "):
         panels.rerun({"nothing": "1"})
 
 

@@ -208,7 +208,7 @@ class Grid(Display):
         caption: Entry,
         columns: Iterable[Any],
         rows: Sequence[Mapping[Any, Any]],
-        digits: int = 5,
+        digits: int = 6,
         **looks: Any,
     ) -> Grid:
         """Return some columns of records, without empty columns."""
@@ -220,12 +220,10 @@ class Grid(Display):
         return cls(caption, [*shown], lines, **looks)
 
     @classmethod
-    def of_frame(
-        cls, caption: Entry, frame: pd.DataFrame, digits: int = 6, kind: str = ""
-    ) -> Grid:
+    def of_frame(cls, caption: Entry, frame: pd.DataFrame, **looks: Any) -> Grid:
         """Return a DataFrame, whose index contains the names of the rows."""
         rows = frame.reset_index()
-        return cls.of(caption, rows, rows.to_dict("records"), digits, kind=kind)
+        return cls.of(caption, rows, rows.to_dict("records"), **looks)
 
     @property
     def markup(self) -> Markup:

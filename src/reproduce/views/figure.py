@@ -19,7 +19,6 @@ import pandas as pd
 from markupsafe import Markup
 from numpy.typing import ArrayLike
 
-from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.charts import NARROW
@@ -327,16 +326,16 @@ class Panels(Display, list[Figure]):
         CannotChangeError
             If no panel has the input, or no panel draws random numbers.
         """
-        changes = changes or {}
-        if unknown := set(changes).difference(*(panel.inputs for panel in self)):
-            raise CannotChangeError(
-                f"changes: expected inputs of the panels, got {', '.join(map(str, unknown))}. "
-                "`inputs` of each panel lists them."
-            )
+        changes = dict(changes or {})
+        known = {name for panel in self for name in panel.inputs}
         fixed = any(panel.random for panel in self)
         return Panels(
             panel.rerun(
-                {name: changes[name] for name in changes if name in panel.inputs},
+                {
+                    name: text
+                    for name, text in changes.items()
+                    if name in panel.inputs or name not in known
+                },
                 seed=None if fixed and not panel.random else seed,
             )
             for panel in self

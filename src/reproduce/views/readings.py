@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import partial
 
 import pandas as pd
 from markupsafe import Markup
 
-from reproduce.judge.ledger import Record
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import options
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import library
 from reproduce.printed.number import minus
-from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Display, Grid
 
 
@@ -85,14 +82,3 @@ class Readings(Display):
         return [
             Grid(caption, [*columns], rows, kind="rp-small rp-sortable rp-readings-all")
         ]
-
-
-def summary(label: str, records: Iterable[Record]) -> Grid:
-    """Return a summary of the readings of each cell."""
-    agreeing = "readings that agree", "agrees with", "closest reading"
-    return Grid.of(
-        f"Readings of {label}, cell by cell",
-        ("cell", "printed", *agreeing),
-        [verdicts.texts(record) for record in records if record.readings],
-        kind="rp-small rp-readings",
-    )

@@ -36,7 +36,7 @@ from reproduce.views.export import (
     full_frame,
     provenance_of,
 )
-from reproduce.views.readings import Readings, summary
+from reproduce.views.readings import Readings
 from reproduce.views.study import StudyTable
 from reproduce.views.sweep import Changed, Point, Sweep
 
@@ -264,15 +264,8 @@ class Table(ItemView):
                 "Printed": " ".join((verdicts.printed(cell), *_notes(cell))),
                 "Computed": verdicts.computed(record),
                 "Verdict": " ".join(
-                    filter(
-                        None,
-                        (
-                            record.verdict,
-                            verdicts.flags(record),
-                            verdicts.replied_state(record),
-                        ),
-                    )
-                ),
+                    (verdicts.qualified(record), verdicts.replied_state(record))
+                ).rstrip(),
             }
             for cell, record in zip(table.cells, records, strict=True)
         ]
@@ -285,13 +278,20 @@ class Table(ItemView):
             yield verdicts.joint_sentence(joint)
             if joint.readings > 1:
                 yield verdicts.fitting(joint)
-        if any(record.readings for record in records):
-            yield summary(table.place, records)
+        shown = [verdicts.texts(record) for record in results]
+        if readings := [row for row in shown if "closest reading" in row]:
+            agreeing = "readings that agree", "agrees with", "closest reading"
+            yield Grid.of(
+                f"Readings of {table.place}, cell by cell",
+                ("cell", "printed", *agreeing),
+                readings,
+                kind="rp-small rp-readings",
+            )
             listed = f'rp.table("{self.key}").readings lists them'
             whole = Html(lambda: self.readings.markup, listed)
             yield fold("All readings of the text", whole)
         if results:
-            judged = Blocks(tuple(_judged(table.place, results)))
+            judged = Blocks(tuple(_judged(table.place, results, shown)))
             yield fold("How each cell was judged", judged)
 
         yield Html(
@@ -342,12 +342,13 @@ def _notes(cell: PrintedCell) -> dict[str, str]:
     return {word: text for word, text in notes.items() if text}
 
 
-def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
+def _judged(
+    place: str, records: Sequence[Record], rows: list[dict[str, Entry]]
+) -> Iterator[Block]:
     """Yield the numbers of results, the reasons of verdicts, and the computations."""
-    rows = [verdicts.texts(record) for record in records]
     columns, kind = ("cell", *verdicts.NUMBERS, "verdict"), "rp-small rp-numbers"
     yield Html(Grid.of(f"Details of {place}", columns, rows, kind=kind).markup)
-    reasons = [verdicts.texts(r) for r in records if not r.agrees]
+    reasons = [row for row, one in zip(rows, records, strict=True) if not one.agrees]
     if reasons:
         yield _grouped(f"Reasons, {place}", ["verdict", "why"], reasons)
     made = ["function", "equations", "seed"]
