@@ -207,7 +207,7 @@ WRONG = {
     "priors": {"options": ["--prior", "nois=0.1,1"]},
     "--out": {"options": ["--out", "nowhere/p.nc"]},
     "10 or more stars, got 9": {"count": 9, "name": MIXTURE},
-    "--steps": {"options": ["--steps", "0"]},
+    "steps: expected": {"options": ["--steps", "0"]},
     "mirrored": {"spots": (0.02, -1)},
     "pivot": {"spots": (0.02,), "options": ["--pivot", "1", "1"]},
 }

@@ -79,7 +79,6 @@ class ItemText:
     - `caption`: of a supplementary table or of a figure. Facts fill the blanks of the caption of a
       table, and printed cells those in the texts of a figure, ``{ADDRESS printed}``.
     - `columns`: of a supplementary table.
-    - `folded`: name of the column by whose values a long table is shown in parts.
     - `facts`: formats of the numbers that sentences quote.
     - `options`: option to its alternatives, the literal one first.
     """
@@ -88,7 +87,6 @@ class ItemText:
     alternative: str = ""
     caption: str = ""
     columns: tuple[Column, ...] = ()
-    folded: str = ""
     facts: dict[str, Fact] = field(default_factory=dict)
     options: Options = field(default_factory=dict)
 

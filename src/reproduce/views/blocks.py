@@ -170,10 +170,10 @@ class Html(Display):
             yield Text(plain(words)) if isinstance(words, str) else words
 
 
-def fold(summary: Entry, content: Display, *, opened: bool = False) -> Html:
+def fold(summary: Entry, content: Display) -> Html:
     """Return content that a page shows on demand."""
     return Html(
-        lambda: rendered("fold", summary=summary, content=content, opened=opened),
+        lambda: rendered("fold", summary=summary, content=content),
         Blocks((f"\n{plain(summary)}", content)),
     )
 

@@ -149,14 +149,13 @@ def _item(address: str) -> Any:
 _SHOWN = "reproduce.shown"
 # A FITS file may have the name of an extension in brackets behind it.
 _FILE = click.Path(path_type=Path)
-_POSITIVE = click.FloatRange(min=0, min_open=True)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
 _JSON = click.option(
     "--json", "as_json", is_flag=True, help="JSON output for other programs."
 )
 _SEED = click.option(
     "--seed",
-    type=click.IntRange(min=0),
+    type=int,
     help="Seed of the random number generator.  [default: the seed of the book]",
 )
 _SET = click.option(
@@ -276,7 +275,7 @@ def _check(keys: tuple[str, ...], as_json: bool) -> None:
 @_SEED
 @click.option(
     "--replicates",
-    type=click.IntRange(min=2),
+    type=int,
     help="Number of simulated tables.  [default: the number of the book]",
 )
 @click.option(
@@ -447,12 +446,12 @@ def _audit(paper: str | None, as_json: bool) -> None:
 @_SEP
 @click.option(
     "--threshold",
-    type=_POSITIVE,
+    type=float,
     help="Detection threshold, in standard deviations of the noise.  [default: 5]",
 )
 @click.option(
     "--radius",
-    type=_POSITIVE,
+    type=float,
     help="Largest distance of the stars of a pair, in px.  [default: 2 and 1/1000 of the field]",
 )
 @click.option(
@@ -549,12 +548,12 @@ def _misalignment(file: Path, as_json: bool, **settings: Any) -> None:
 @_SEED
 @click.option(
     "--steps",
-    type=click.IntRange(min=1),
+    type=int,
     help="Kept steps of each ensemble.  [default: the number of the book]",
 )
 @click.option(
     "--walkers",
-    type=click.IntRange(min=1),
+    type=int,
     help="Walkers of each ensemble, an even number.  [default: the number of the book]",
 )
 @click.option(

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 # Formats and the endings of their files.
 FORMATS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
-# In LaTeX, longer texts have several lines, and wider tables of few rows are transposed.
-_SENTENCE_CHARACTERS, _MAX_COLUMNS = 30, 7
+# In LaTeX, longer texts have several lines.
+_SENTENCE_CHARACTERS = 30
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -72,8 +72,6 @@ def export_frame(
     texts = {"caption": caption, "legend": legend, "comment": comment}
     if form == "markdown":
         return written("table.md", lines=lines, **texts)
-    if len(frame) < _MAX_COLUMNS < len(frame.columns):
-        lines = [list(column) for column in zip(*lines, strict=True)]
     lines = [[entry_text(entry, 6) for entry in line] for line in lines]
     columns = [
         rf">{{\raggedright\arraybackslash}}p{{{2 / (1 + len(lines[0])):.2f}\linewidth}}"

@@ -11,9 +11,12 @@ import pandas as pd
 from reproduce.papers.declare import Column, Study, study
 from reproduce.views import numbers
 from reproduce.views.base import Change, Rerunnable
-from reproduce.views.blocks import Block, Grid, Html, fold
+from reproduce.views.blocks import Block, Grid, Html
 from reproduce.views.keys import check_choice, element
 from reproduce.views.sweep import Point, Sweep
+
+# Largest number of rows on a page, in two screens.
+_MAX_ROWS = 60
 
 
 class StudyTable(Rerunnable):
@@ -110,23 +113,19 @@ class StudyTable(Rerunnable):
         return frame.copy()
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the formatted table, or the first part of a folded table."""
-        text, frame = self._declared.text, self.frame()
+        """Yield the formatted table, or its first rows."""
+        frame, columns = self.frame(), self._columns
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
-        part = frame[text.folded].iloc[0] if text.folded else ""
-        first = _selected(frame, {text.folded: part} if text.folded else {})
-        shown = [column for column in self._columns if column.name != text.folded]
         rows = [
-            [numbers.entry(row[c.name], c, row.get(c.error)) for c in shown]
-            for row in first.to_dict("records")
+            [numbers.entry(row[c.name], c, row.get(c.error)) for c in columns]
+            for row in frame.head(_MAX_ROWS).to_dict("records")
         ]
         where = element(self.key)
         identifier = f"{where}-changed" if self.changes else where
-        heads = [column.name for column in shown]
-        grid = Grid(caption, heads, rows, identifier, "rp-study")
-        yield fold(str(part), grid, opened=True) if text.folded else grid
-        if omitted := len(frame) - len(first):
-            yield f"{omitted:,} more rows, by {text.folded}, are in its files."
+        heads = [column.name for column in columns]
+        yield Grid(caption, heads, rows, identifier, "rp-study")
+        if omitted := len(frame) - len(rows):
+            yield f"{omitted:,} more rows are in its files."
         if not self.changes:
             yield Html(self._toolbar(where), self.key)
 
