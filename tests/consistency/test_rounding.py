@@ -15,11 +15,11 @@ from reproduce.printed.number import PrintedNumber, si_factor
 @pytest.mark.parametrize(
     ("text", "qualifier", "rule", "wanted"),
     [
-        ("2.0", None, "truncation", (2.0, 2.1)),
-        ("-2.0", None, "truncation", (-2.1, -2.0)),
-        ("0.0", None, "truncation", (-0.1, 0.1)),
-        ("2.0", None, "ceiling", (1.9, 2.0)),
-        ("-2.0", None, "ceiling", (-2.1, -2.0)),
+        ("2.0", "", "truncation", (2.0, 2.1)),
+        ("-2.0", "", "truncation", (-2.1, -2.0)),
+        ("0.0", "", "truncation", (-0.1, 0.1)),
+        ("2.0", "", "ceiling", (1.9, 2.0)),
+        ("-2.0", "", "ceiling", (-2.1, -2.0)),
         ("2.1", "about", "ceiling", (2.0, 2.2)),
         ("2.0", "about", "digits", (1.95, 2.05)),
         ("4", "within", "digits", (4.0, 4.0)),

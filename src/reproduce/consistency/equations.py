@@ -16,14 +16,13 @@ import numpy as np
 from reproduce.physics import attitude, ground, optics, raytrace, registration
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.printed.cells import PrintedCell
+from reproduce.printed.inputs import ROOT_SEED, Inputs
 from reproduce.printed.number import si_factor
 
 # Far above the noise of double precision, far below any printed digit.
 _ZERO_TOLERANCE = 1e-9
 _ITERATION_STEPS = 5
 _ARCSEC = si_factor("arcsec")
-# Returns the number of a printed cell in SI units.
-_Number = Callable[[str], float]
 # Results of the extracted form and of the form of this package, and the correct result.
 _Values = tuple[Any, Any, Any]
 
@@ -62,49 +61,47 @@ def demonstrations(
     cells: Mapping[str, PrintedCell], texts: Mapping[str, Any]
 ) -> tuple[Demonstration, ...]:
     """Run the equations that a paper declares, with their texts by name."""
+    inputs = Inputs(cells, ROOT_SEED)
     return tuple(
         Demonstration(name, printed=printed, right=right, wanted=wanted, **text)
         for name, text in texts.items()
-        for printed, right, wanted in [map(float, _RUNS[name](lambda a: cells[a].si))]
+        for printed, right, wanted in [map(float, _RUNS[name](inputs))]
     )
 
 
-def _distortion_ratio(number: _Number) -> _Values:
-    k = number("niu2024/table-2#scale.red")
-    green, red = (
-        number(f"niu2024/table-1#radial-distortion.{c}") for c in ("green", "red")
-    )
+def _distortion_ratio(inputs: Inputs) -> _Values:
+    k = inputs["niu2024/table-2#scale.red"]
+    red, green, _ = inputs.array("niu2024/table-1#radial-distortion.*")
     right = optics.distortion_ratio(k, green, red)
     # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
     return k**2 * green / red, right, right
 
 
-def _turned_back(number: _Number) -> _Values:
-    angle = number("niu2024/table-2#rotation.red")
-    start = np.array([[3.0, 4.0]])
+def _turned_back(inputs: Inputs) -> _Values:
+    angle = inputs["niu2024/table-2#rotation.red"]
+    start = [[3.0, 4.0]]
     cosine, sine = np.cos(angle), np.sin(angle)
     turned = optics.turned_onto_detector(start, angle)
-    back = turned @ np.array([[cosine, sine], [-sine, cosine]])
+    back = turned @ [[cosine, sine], [-sine, cosine]]
     residual = np.abs(back - start).max()
     return residual, residual, 0.0
 
 
-def _rotary_matrix(number: _Number) -> _Values:
-    turn = number("niu2024/text-simulation#range-x-high")
+def _rotary_matrix(inputs: Inputs) -> _Values:
+    turn = inputs["niu2024/text-simulation#range-x-high"]
     printed = np.linalg.det(optics.rotary_matrix_printed(0.0, turn))
     return printed, np.linalg.det(optics.rotary_matrix(0.0, turn)), 1.0
 
 
-def _unit_circle(number: _Number) -> _Values:
-    turn = number("niu2024/table-2#rotation.red")
+def _unit_circle(inputs: Inputs) -> _Values:
+    turn = inputs["niu2024/table-2#rotation.red"]
     cosine, sine = np.cos(turn), np.sin(turn)
     return 2 * cosine**2 - 1, cosine**2 + sine**2 - 1, 0.0
 
 
-def _iteration(number: _Number) -> _Values:
-    rows = ("scale", "rotation", "translation-x", "translation-y")
-    truth = np.array([number(f"niu2024/table-2#{row}.red") for row in rows])
-    size = np.array([number(f"niu2024/text-optics#pixels-{a}") for a in "xy"])
+def _iteration(inputs: Inputs) -> _Values:
+    truth = inputs.array("niu2024/table-2#*.red")  # as the parameters of the model
+    size = inputs.array("niu2024/text-optics#pixels-?")
     source = np.array([*np.ndindex(2, 2)]) * (size - 1)
     middle = optics.detector_centre(size)
     target = registration.Registration("similarity", truth, middle).apply(source)
@@ -120,31 +117,31 @@ def _iteration(number: _Number) -> _Values:
     return errors[0], errors[1], 0.0
 
 
-def _lasers(number: _Number) -> tuple[Any, float]:
+def _lasers(inputs: Inputs) -> tuple[Any, float]:
     """Return the positions of the lasers in the focal plane, and the focal length."""
-    half = number("chen2023/text-hardware#laser-diagonal") / 2
+    half = inputs["chen2023/text-hardware#laser-diagonal"] / 2
     positions = half * np.array([[0, -1], [-1, 0], [1, 0], [0, 1]])
-    return positions, number("chen2023/table-2#telescope-focal-length.value")
+    return positions, inputs["chen2023/table-2#telescope-focal-length.value"]
 
 
-def _unit_vectors(number: _Number) -> _Values:
-    length = np.linalg.norm(attitude.emitted_directions(*_lasers(number))[0])
+def _unit_vectors(inputs: Inputs) -> _Values:
+    length = np.linalg.norm(attitude.emitted_directions(*_lasers(inputs))[0])
     return length, length, 1.0
 
 
-def _chain(number: _Number) -> _Values:
+def _chain(inputs: Inputs) -> _Values:
     """Close the chain (4), (6), (7), which must return the misalignment."""
-    camera = attitude.emitted_directions(*_lasers(number))
-    zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
-    turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
+    camera = attitude.emitted_directions(*_lasers(inputs))
+    zero = rotation_from_vector([0.3, -1.2, 0.5])
+    turned = rotation_from_vector([1e-5, -2e-5, 3e-5])
     seen = camera @ attitude.moved_laser_transform(zero, turned).T
     residual = np.abs(camera - seen @ (turned @ zero.T).T).max()
     return residual, residual, 0.0
 
 
-def _retroreflector(number: _Number) -> _Values:
+def _retroreflector(inputs: Inputs) -> _Values:
     """Rotate the reflector of the satellite, a corner cube, about three axes."""
-    beam = np.array([0.0, 0.0, -1.0])
+    beam = [0.0, 0.0, -1.0]
     straight = raytrace.mirror_train(raytrace.CORNER) @ beam
     moved = max(
         np.linalg.norm(
@@ -156,36 +153,34 @@ def _retroreflector(number: _Number) -> _Values:
     return moved / _ARCSEC, moved / _ARCSEC, 0.0
 
 
-def _roll_leak(number: _Number) -> _Values:
+def _roll_leak(inputs: Inputs) -> _Values:
     """Roll the camera about its boresight, and compute (5) in both orders."""
     tracker = "chen2023/table-2#tracker-"
-    spots = np.array(
-        [[number(f"chen2023/text-platform#spot-{i}-{a}") for a in "xy"] for i in "1234"]
-    )
-    size = [number(f"{tracker}pixels-{a}.value") for a in "xy"]
-    scale = number(f"{tracker}pixel-size.value") / number(
-        f"{tracker}focal-length.value"
+    spots = inputs.array("chen2023/text-platform#spot-*").reshape(4, 2)
+    size = inputs.array(f"{tracker}pixels-*")
+    scale = (
+        inputs[f"{tracker}pixel-size.value"] / inputs[f"{tracker}focal-length.value"]
     )
     across, along = (spots.mean(axis=0) - optics.detector_centre(size)) * scale
-    reference = rotation_from_vector(np.array([-along, across, 0.0]))
+    reference = rotation_from_vector([-along, across, 0.0])
     rolled = reference @ rotation_from_vector(60 * _ARCSEC * np.eye(3)[2])
     forms = rolled @ reference.T, attitude.misalignment_between(rolled, reference)
     angles = [attitude.misalignment_angles(form) for form in forms]
     return *(np.hypot(*angle[:2]) / _ARCSEC for angle in angles), 0.0
 
 
-def _stage_angle(number: _Number) -> _Values:
-    travel = number("chen2023/text-effectiveness#maximum-travel")
-    focal = number("chen2023/text-effectiveness#focal-length")
+def _stage_angle(inputs: Inputs) -> _Values:
+    travel = inputs["chen2023/text-effectiveness#maximum-travel"]
+    focal = inputs["chen2023/text-effectiveness#focal-length"]
     forms = attitude.stage_angle_printed, attitude.stage_angle
     wanted = -np.arctan(travel / focal) / _ARCSEC
     return *(form(travel, focal) / _ARCSEC for form in forms), wanted
 
 
-def _stage_signs(number: _Number) -> _Values:
+def _stage_signs(inputs: Inputs) -> _Values:
     """Move the lasers along Y, and measure the sense of the rotation with (5) and (7)."""
-    positions, focal = _lasers(number)
-    shift = number("chen2023/text-effectiveness#step")
+    positions, focal = _lasers(inputs)
+    shift = inputs["chen2023/text-effectiveness#step"]
     before, after = (
         attitude.emitted_directions(positions + np.array([0.0, moved]), focal)
         for moved in (0.0, shift)
@@ -198,11 +193,11 @@ def _stage_signs(number: _Number) -> _Values:
     )
 
 
-def _misalignment_side(number: _Number) -> _Values:
+def _misalignment_side(inputs: Inputs) -> _Values:
     """Use the inverse of the matrix of (8) as R_U, and compare the lines of sight."""
-    turn = number("chen2023/text-effectiveness#simulated-angle")
-    boresights = number("chen2023/text-satellite#boresight-angle")
-    installed = rotation_from_vector(np.array([boresights, 0.0, 0.0]))
+    turn = inputs["chen2023/text-effectiveness#simulated-angle"]
+    boresights = inputs["chen2023/text-satellite#boresight-angle"]
+    installed = rotation_from_vector([boresights, 0.0, 0.0])
     gaps = []
     for axis in np.eye(2, 3):
         moved = rotation_from_vector(turn * axis)
@@ -214,9 +209,9 @@ def _misalignment_side(number: _Number) -> _Values:
     return *(np.max(gaps, axis=0) / _ARCSEC), 0.0
 
 
-def _line_of_sight(number: _Number) -> _Values:
+def _line_of_sight(inputs: Inputs) -> _Values:
     """Compare the bracket of (1) with the direction (2) of one point of the focal plane."""
-    positions, focal = _lasers(number)
+    positions, focal = _lasers(inputs)
     bracket = ground.image_vectors(positions[:1], focal)[0]
     emitted = attitude.emitted_directions(positions[:1], focal)[0]
     cosine = bracket @ emitted / np.linalg.norm(bracket)
@@ -224,9 +219,9 @@ def _line_of_sight(number: _Number) -> _Values:
     return cosine, -cosine, 1.0
 
 
-def _mirrored_pattern(number: _Number) -> _Values:
+def _mirrored_pattern(inputs: Inputs) -> _Values:
     """Transfer a direction of (2) to (3), by a corner cube and the dichroic mirror."""
-    tilt = number("chen2023/text-satellite#dihedral-angle")
+    tilt = inputs["chen2023/text-satellite#dihedral-angle"]
     fold = raytrace.reflection([0.0, np.sin(tilt), np.cos(tilt)])
     # A received direction points back along the light.
     satellite = -fold @ raytrace.mirror_train(raytrace.CORNER)
@@ -234,7 +229,7 @@ def _mirrored_pattern(number: _Number) -> _Values:
     return np.linalg.det(satellite), np.linalg.det(mirrored), 1.0
 
 
-_RUNS: dict[str, Callable[[_Number], _Values]] = {
+_RUNS: dict[str, Callable[[Inputs], _Values]] = {
     "distortion-ratio": _distortion_ratio,
     "turned-back": _turned_back,
     "rotary-matrix": _rotary_matrix,

@@ -37,17 +37,17 @@ def _rounding_interval(number: PrintedNumber, rule: str = "") -> Interval:
     ``digits`` ignores *about* and *nominal*, and ``exact`` ignores rounding. ``truncation`` and
     ``ceiling`` apply to numbers without a qualifier.
     """
-    value, step = number.value, 2 * number.half_unit
-    below = above = number.half_width
-    if rule == "exact":
-        below = above = 0.0
-    elif rule == "digits" and not number.is_bound:
-        below = above = number.half_unit
-    elif rule == "truncation" and not number.qualifier:
-        below, above = step * (value <= 0), step * (value >= 0)
-    elif rule == "ceiling" and not number.qualifier:
-        below, above = step, 0.0
-    return value - below, value + above
+    value, step, half = number.value, 2 * number.half_unit, number.half_width
+    match rule, number.qualifier:
+        case "exact", _:
+            half = 0.0
+        case "digits", _ if not number.is_bound:
+            half = number.half_unit
+        case "truncation", "":
+            return value - step * (value <= 0), value + step * (value >= 0)
+        case "ceiling", "":
+            return value - step, value
+    return value - half, value + half
 
 
 def _ends(relation: Relation, cells: Sheet, rule: str = "") -> _Ends:
@@ -154,7 +154,7 @@ def agreements(
 ) -> dict[str, Agreement]:
     """Return the largest set of relations that agree on one value, for each unknown by name."""
     found = {}
-    for unknown in {r.unknown.name: r.unknown for r in relations if r.unknown}.values():
+    for unknown in dict.fromkeys(r.unknown for r in relations if r.unknown):
         intervals = {
             relation.name: _projection(
                 relation, unknown.domain, _ends(relation, cells, rule)

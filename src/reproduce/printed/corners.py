@@ -35,22 +35,20 @@ def corner_intervals(
     {'half': (2.25, 2.75, ['a'])}
     """
     centre = results({})
-    sides: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in centre}
-    for moved in inputs:
-        # An end precedes the printed value, in case of equal results.
-        ends = {side: results({moved: side}) for side in (-1.0, 1.0)} | {0.0: centre}
-        for name, responses in sides.items():
-            values = {side: result[name] for side, result in ends.items()}
-            low, high = (
-                choose(values, key=values.__getitem__) for choose in (min, max)
-            )
-            if values[low] != values[high]:
-                responses[moved] = (low, high)
+    # An end precedes the printed value, in case of equal results.
+    alone = {
+        moved: {side: results({moved: side}) for side in (-1.0, 1.0)} | {0.0: centre}
+        for moved in inputs
+    }
     intervals = {}
-    for name, responses in sides.items():
-        corners = [
-            results({moved: pair[end] for moved, pair in responses.items()})[name]
-            for end in (0, 1)
-        ]
-        intervals[name] = min(corners), max(corners), list(responses)
+    for name in centre:
+        lowest, highest = {}, {}
+        for moved, found in alone.items():
+            values = {side: result[name] for side, result in found.items()}
+            low = min(values, key=values.__getitem__)
+            high = max(values, key=values.__getitem__)
+            if values[low] != values[high]:
+                lowest[moved], highest[moved] = low, high
+        corners = [results(sides)[name] for sides in (lowest, highest)]
+        intervals[name] = min(corners), max(corners), [*lowest]
     return intervals
