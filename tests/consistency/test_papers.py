@@ -12,7 +12,7 @@ import pint
 import pytest
 from made_up import PINT, audited_table, printed_cell
 
-from reproduce.consistency.examine import _rounding_interval, contradicted
+from reproduce.consistency.examine import _contradicted, _rounding_interval
 from reproduce.consistency.report import audit_paper
 from reproduce.printed.number import UNITS, si_factor
 from reproduce.views.consistency import errata_register
@@ -88,7 +88,7 @@ def test_one_digit_and_interchanged_columns_restore_table_v(columns):
 
 def test_the_corrected_motion_also_follows_from_the_positions():
     relations = [f.relation for f in audit_paper("chen2023").findings]
-    assert "motion-4-y" not in contradicted(table_v(), relations)
+    assert "motion-4-y" not in _contradicted(table_v(), relations)
 
 
 def test_every_contradiction_and_every_failing_equation_has_one_erratum():

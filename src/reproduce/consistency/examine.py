@@ -177,7 +177,7 @@ def agreements(
     return found
 
 
-def contradicted(
+def _contradicted(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
 ) -> frozenset[str]:
     """Return the names of the relations that cannot hold if all numbers follow a rounding rule.
@@ -204,15 +204,15 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
     A relation agrees only within a tolerance if it contradicts without its tolerance, and with
     *about* and *nominal* numbers that stand for their rounding only.
     """
-    wrong = contradicted(cells, relations)
+    wrong = _contradicted(cells, relations)
     # The first of two rules that lift a contradiction is the last one here.
     rescued_by = {
         name: rule
         for rule in reversed(_OTHER_RULES)
-        for name in wrong - contradicted(cells, relations, rule)
+        for name in wrong - _contradicted(cells, relations, rule)
     }
     strict = [r.model_copy(update={"tolerance": None}) for r in relations]
-    beyond_rounding = contradicted(cells, strict, "digits")
+    beyond_rounding = _contradicted(cells, strict, "digits")
     shared, results = agreements(cells, relations), []
     for relation, plain in zip(relations, strict, strict=True):
         unknown = shared[relation.unknown.name].value if relation.unknown else math.nan

@@ -7,7 +7,6 @@ the other readings.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -84,8 +83,8 @@ class Evaluation:
     def results(self, name: str) -> list[str]:
         """Return the result of a cell under every reading as text, equal for equal results."""
         return [
-            " ".join(f"{v:.9e}" for v in (r.computed, *r.interval, r.probability or 0))
-            for r in self.cells[name]
+            " ".join(map("{:.9e}".format, _row(reading)[:4]))
+            for reading in self.cells[name]
         ]
 
     def _by_option(self, values: Sequence[Any]) -> _Array:
@@ -232,9 +231,9 @@ def fingerprint(computation: Computation) -> str:
     inputs = {a: cell.text for a, cell in load_inputs(computation.inputs).cells.items()}
     cells = library()[computation.key].cells
     printed = {c.address: c.shown for c in cells if computation.makes(c.name)}
-    options = [list(map(list, choices.items())) for choices in computation.readings]
+    options = [[*choices.items()] for choices in computation.readings]
     content = [options, inputs, printed, computation.replicates, computation.entropy]
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    return studies.digest(json.dumps(content).encode())
 
 
 def _stored(computation: Computation) -> dict[str, _Array]:
