@@ -53,9 +53,11 @@ def _rounding_interval(number: PrintedNumber, rule: str = "") -> Interval:
 def _ends(relation: Relation, cells: Sheet, rule: str = "") -> _Ends:
     """Return the ends of the numbers of a relation, and of its tolerance as a multiple of it.
 
+    The rules ``digits`` and ``exact`` ignore the tolerance.
     The number of a relation of kind ``print`` is one unit of the last printed digit.
     """
-    ends = {_TOLERANCE: (-1.0, 0.0, 1.0)}
+    tolerance = float(rule not in {"digits", "exact"})
+    ends = {_TOLERANCE: (-tolerance, 0.0, tolerance)}
     for address in relation.addresses:
         number, unit = cells[address].number, si_factor(cells[address].unit)
         value, (low, high) = number.value, _rounding_interval(number, rule)
@@ -211,17 +213,20 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
         for rule in reversed(_OTHER_RULES)
         for name in wrong - _contradicted(cells, relations, rule)
     }
-    strict = [r.model_copy(update={"tolerance": None}) for r in relations]
-    beyond_rounding = _contradicted(cells, strict, "digits")
+    beyond_rounding = _contradicted(cells, relations, "digits")
     shared, results = agreements(cells, relations), []
-    for relation, plain in zip(relations, strict, strict=True):
+    for relation in relations:
         unknown = shared[relation.unknown.name].value if relation.unknown else math.nan
-        values = {a: value for a, (_, value, _) in _ends(relation, cells).items()}
+        # An equation need only give the printed digits of its result.
+        ends = _ends(relation, cells, "exact")
+        if relation.result:
+            ends[relation.result] = _ends(relation, cells, "digits")[relation.result]
+        values = {address: value for address, (_, value, _) in ends.items()}
         left, right, *_ = relation.values(values, unknown)
         outcome: RelationOutcome = "agrees only through rounding"
         if relation.name in wrong:
             outcome = "contradicts"
-        elif _agrees(plain, cells, unknown):
+        elif not _contradicts(relation, ends, unknown):
             outcome = "agrees"
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
@@ -230,14 +235,3 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
             RelationResult(relation, outcome, float(left), float(right), rule)
         )
     return results
-
-
-def _agrees(relation: Relation, cells: Sheet, unknown: float) -> bool:
-    """Return whether the relation holds with the printed values inserted.
-
-    An equation need only give the printed digits of its result.
-    """
-    ends = _ends(relation, cells, "exact")
-    if relation.result:
-        ends[relation.result] = _ends(relation, cells, "digits")[relation.result]
-    return not _contradicts(relation, ends, unknown)

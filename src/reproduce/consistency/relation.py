@@ -199,22 +199,16 @@ class Relation(_Declared):
         bound = self.binding.get(self.formula.result, ())
         return bound[0] if len(bound) == 1 else None
 
-    def scope(
-        self, by_address: Mapping[str, Any], unknown: Any = None
-    ) -> dict[str, Any]:
-        """Return the values of the names of the formula."""
-        found = {self.unknown.name: unknown} if self.unknown else {}
-        for name, bound in self.binding.items():
-            values = [by_address[address] for address in bound]
-            found[name] = values if len(values) > 1 else values[0]
-        return found
-
     def values(
         self, by_address: Mapping[str, float], unknown: float = 0.0
     ) -> list[float]:
         """Return the values of the formula in SI units; NaN where it is not defined."""
+        scope: dict[str, Any] = {self.unknown.name: unknown} if self.unknown else {}
+        for name, bound in self.binding.items():
+            values = [by_address[address] for address in bound]
+            scope[name] = values if len(values) > 1 else values[0]
         try:
-            return self.formula.values(self.scope(by_address, unknown))
+            return self.formula.values(scope)
         except (ArithmeticError, ValueError):  # such as a root of a negative number
             return [math.nan] * 3
 
@@ -288,7 +282,9 @@ def _relation(
         "binding": {name: _bound(prefix + to, cells) for name, to in pairs},
     }
     relation = Relation.model_validate(fields)
-    names, known = set(relation.scope(cells)), _SCOPE.keys() | UNITS.keys()
+    names, known = set(relation.binding), _SCOPE.keys() | UNITS.keys()
+    if relation.unknown:
+        names.add(relation.unknown.name)
     if strays := names ^ (relation.formula.names - (known - names)):
         raise ValueError(
             f"{relation.name}: expected names with one cell each, got {strays}. Bind them"
