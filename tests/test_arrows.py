@@ -11,7 +11,7 @@ SOURCE = Path(__file__).parent.parent / "src" / "reproduce"
 # Folder -> what it may import from the project. A dotted name allows only that module.
 ARROWS = {
     "physics": {"physics", "units"},
-    "printed": {"printed", "locate", "units"},
+    "printed": {"printed", "locate"},
     "store": {"store", "locate", "physics.validate"},
     "inference": {"inference", "physics", "units"},
     "papers": {
@@ -20,7 +20,7 @@ ARROWS = {
         *{"locate.data_files", "locate.read_toml"},
     },
     "judge": {"judge", "papers", "printed", "locate", "store.studies"},
-    "consistency": {"consistency", "printed", "physics"},
+    "consistency": {"consistency", "printed", "physics", "units"},
     "views": {
         *{"views", "judge", "consistency", "inference", "store", "printed", "papers"},
         *{"locate", "units", "version", "physics.validate"},

@@ -105,10 +105,10 @@ def papers() -> dict[str, Path]:
         printed = {
             path.name for path in (folder / "printed").iterdir() if path.is_dir()
         }
-        if strays := sorted(printed - set(entries)) or sorted(printed & set(folders)):
+        if strays := printed - {*entries} | printed & {*folders}:
             raise ValueError(
                 f"{folder}: expected one entry of references.bib for each paper in printed/, and "
-                f"each paper in one folder, got {', '.join(strays)}. Correct these papers"
+                f"each paper in one folder, got {', '.join(sorted(strays))}. Correct these papers"
             )
         folders |= {name: folder for name in entries if name in printed}
     return folders

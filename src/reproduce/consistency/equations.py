@@ -17,12 +17,11 @@ from reproduce.physics import attitude, ground, optics, raytrace, registration
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.printed.cells import PrintedCell
 from reproduce.printed.inputs import ROOT_SEED, Inputs
-from reproduce.printed.number import si_factor
+from reproduce.units import RADIANS_PER_ARCSEC
 
 # Far above the noise of double precision, far below any printed digit.
 _ZERO_TOLERANCE = 1e-9
 _ITERATION_STEPS = 5
-_ARCSEC = si_factor("arcsec")
 # Results of the extracted form and of the form of this package, and the correct result.
 _Values = tuple[Any, Any, Any]
 
@@ -148,9 +147,9 @@ def _retroreflector(inputs: Inputs) -> _Values:
             raytrace.mirror_train(raytrace.CORNER @ rotation_from_vector(turn).T) @ beam
             - straight
         )
-        for turn in _ARCSEC * np.eye(3)
+        for turn in RADIANS_PER_ARCSEC * np.eye(3)
     )
-    return moved / _ARCSEC, moved / _ARCSEC, 0.0
+    return moved / RADIANS_PER_ARCSEC, moved / RADIANS_PER_ARCSEC, 0.0
 
 
 def _roll_leak(inputs: Inputs) -> _Values:
@@ -163,18 +162,18 @@ def _roll_leak(inputs: Inputs) -> _Values:
     )
     across, along = (spots.mean(axis=0) - optics.detector_centre(size)) * scale
     reference = rotation_from_vector([-along, across, 0.0])
-    rolled = reference @ rotation_from_vector(60 * _ARCSEC * np.eye(3)[2])
+    rolled = reference @ rotation_from_vector(60 * RADIANS_PER_ARCSEC * np.eye(3)[2])
     forms = rolled @ reference.T, attitude.misalignment_between(rolled, reference)
     angles = [attitude.misalignment_angles(form) for form in forms]
-    return *(np.hypot(*angle[:2]) / _ARCSEC for angle in angles), 0.0
+    return *(np.hypot(*angle[:2]) / RADIANS_PER_ARCSEC for angle in angles), 0.0
 
 
 def _stage_angle(inputs: Inputs) -> _Values:
     travel = inputs["chen2023/text-effectiveness#maximum-travel"]
     focal = inputs["chen2023/text-effectiveness#focal-length"]
     forms = attitude.stage_angle_printed, attitude.stage_angle
-    wanted = -np.arctan(travel / focal) / _ARCSEC
-    return *(form(travel, focal) / _ARCSEC for form in forms), wanted
+    wanted = -np.arctan(travel / focal) / RADIANS_PER_ARCSEC
+    return *(form(travel, focal) / RADIANS_PER_ARCSEC for form in forms), wanted
 
 
 def _stage_signs(inputs: Inputs) -> _Values:
@@ -206,7 +205,7 @@ def _misalignment_side(inputs: Inputs) -> _Values:
         gaps.append(
             [np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms]
         )
-    return *(np.max(gaps, axis=0) / _ARCSEC), 0.0
+    return *(np.max(gaps, axis=0) / RADIANS_PER_ARCSEC), 0.0
 
 
 def _line_of_sight(inputs: Inputs) -> _Values:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -48,8 +47,8 @@ def table(name: str) -> pd.DataFrame:
     import pandas as pd
 
     text = _file(f"{name}.toml")
-    rows = re.findall(rb"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
-    note = _note(name, text, b"".join(rows))
+    rows = text.partition(b"\nrows = [\n")[2].removesuffix(b"]\n")
+    note = _note(name, text, rows)
     frame = pd.DataFrame(note.pop("rows"), columns=note.pop("columns"))
     frame.attrs.update(note)
     return frame
