@@ -56,7 +56,7 @@ class Formula:
     """A comparison between two expressions, of the form ``left = right``, ``<=`` or ``>=``.
 
     `result` is the name that is the whole left side of an equation, or empty. `bare` is true if
-    both sides are names. `names` are those of its cells, functions and units.
+    its right side is a name too. `names` are those of its cells, functions and units.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class Formula:
         left, self.sign, right = re.split(r"\s*([<>]?=)\s*", text)
         self.text = text
         self.result = left if left.isidentifier() and self.sign == "=" else ""
-        self.bare = left.isidentifier() and right.isidentifier()
+        self.bare = self.result != "" and right.isidentifier()
         terms = [left]
         if left.startswith("abs(") and self.sign == "<=":
             # An absolute value is below a limit if the value and its negative are.
@@ -186,7 +186,7 @@ class Relation(_Declared):
         that differ in the last digit have a tie in common, which rounds to only one of them.
         """
         exact = self.tolerance is None and self.unknown is None
-        return exact and self.formula.bare and self.formula.sign == "="
+        return exact and self.formula.bare
 
     @property
     def addresses(self) -> tuple[str, ...]:

@@ -242,8 +242,8 @@ def _results(evaluation: Evaluation, table: PrintedTable) -> dict[str, Record]:
         if cell.unpublished:
             fields["flags"] = ("stand_in",)
         else:
-            fields |= vars(literal) | {"why": _why(cell, literal)}
-            del fields["choices"]
+            fields |= literal.model_dump(exclude={"choices"})
+            fields["why"] = _why(cell, literal)
             if literal.verdict == "exact" and name in plain:
                 kept = (flag for flag in literal.flags if flag != "rounding")
                 fields["flags"] = (*kept, plain[name])
