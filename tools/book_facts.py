@@ -235,16 +235,15 @@ def write_facts(path: Path) -> None:
 
 def card(cell: Cell, place: str) -> str:
     """Return the card of a cell: verdict and result, a menu to cite it, and all properties."""
-    record, key = cell.record, cell.address.partition("#")[0]
+    record, printed = cell.record, cell.record.printed_cell
     reason = re.split(r"(?<=\.) (?=[A-Z])", str(verdicts.texts(record)["why"]))[0]
     copied = {name: cell.cite(form) for name, form in CITATIONS.items()}
-    printed = library()[key].by_name[cell.address.partition("#")[2]]
     return rendered(
         "card",
         cell=cell,
         record=record,
         place=f"{ADDRESS}/goto.html#{place}" if ADDRESS else f"#{place}",
-        words=f"{in_words(printed)} ({key})",
+        words=f"{in_words(printed)} ({record.key})",
         sigma=printed.sigma,
         recomputed=recomputed(record),
         sentence=Markup(reason),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Collection, Iterator
 from functools import cache
 from itertools import chain
@@ -22,7 +21,7 @@ from reproduce.judge.verdicts import (
     Reading,
     Verdict,
 )
-from reproduce.locate import data_files
+from reproduce.locate import data_files, read_toml
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
@@ -330,7 +329,7 @@ class Expectation(Frozen):
 def entries(file: str, name: str) -> Iterator[dict[str, Any]]:
     """Yield the entries of a TOML file of every data folder."""
     for path in data_files(file):
-        yield from tomllib.loads(path.read_text(encoding="utf-8"))[name]
+        yield from read_toml(path, dict)[name]
 
 
 @cache
