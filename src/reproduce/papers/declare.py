@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from numpy.random import SeedSequence
 
@@ -89,6 +89,32 @@ class PaperFunction:
     function: Callable[..., Any]
     inputs: tuple[str, ...]
 
+    @classmethod
+    def declare(
+        cls, key: str, *, inputs: Sequence[str] = (), **others: Any
+    ) -> Callable[[Callable[..., Any]], Self]:
+        """Return a decorator that declares a function.
+
+        Parameters
+        ----------
+        key : str
+            Its key.
+        inputs : sequence of str
+            Addresses of all cells and groups that the function uses. It has access to no other
+            cell.
+        **others
+            Other parameters of the class.
+
+        Examples
+        --------
+        >>> @reproduces("niu2024/text-context")
+        ... def nothing(inputs):
+        ...     return {}
+        >>> nothing.key
+        'niu2024/text-context'
+        """
+        return lambda function: cls(key, function, tuple(inputs), **others)
+
     @property
     def text(self) -> ItemText:
         """Texts of its key."""
@@ -109,18 +135,28 @@ class Computation(PaperFunction):
 
     Parameters
     ----------
-    cells : tuple of str
-        Patterns of the names of its cells.
+    cells : sequence of str
+        Patterns of the names of its cells. Default: all cells.
     replicates : int
         Number of replicates of a stochastic computation; 0 for a deterministic one.
     options : mapping of str to mapping
-        Option to its alternatives, the literal one first. Each option is a keyword argument of
-        the function.
+        Option to its alternatives, the literal one first. The computation keeps the options that
+        are keyword arguments of the function. Default: the options in the texts of its key.
     """
 
-    cells: tuple[str, ...]
-    replicates: int
-    options: Options = field(hash=False)
+    cells: Sequence[str] = ("*",)
+    replicates: int = 0
+    options: Options = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        taken = inspect.signature(self.function).parameters
+        known = (self.options or self.text.options).items()
+        options = {name: ways for name, ways in known if name in taken}
+        object.__setattr__(self, "options", options)
+
+    def __hash__(self) -> int:
+        """Return equal numbers for all readings of a function, whose options have no hash."""
+        return hash(self.function)
 
     @cached_property
     def readings(self) -> list[dict[str, str]]:
@@ -227,60 +263,6 @@ def seed_of(name: str, root: int) -> SeedSequence:
     return SeedSequence(root, spawn_key=(zlib.crc32(name.encode()),))
 
 
-def reproduces(
-    key: str,
-    *,
-    inputs: Sequence[str] = (),
-    cells: Sequence[str] = ("*",),
-    replicates: int = 0,
-    options: Options | None = None,
-) -> Callable[[Callable[..., Results]], Computation]:
-    """Declare that a function computes printed cells of `key`.
-
-    Parameters
-    ----------
-    key : str
-        The table, figure or group of quoted numbers, such as ``niu2024/table-3``.
-    inputs : sequence of str
-        Addresses of all cells and groups that the function uses. It has access to no other cell.
-    cells : sequence of str
-        Patterns of the names of the computed cells. Default: all cells.
-    replicates : int
-        Number of replicates. The function then takes ``(inputs, seed, replicates)``.
-    options : mapping, optional
-        Options of the text. The function takes those that are its parameters. Default: the
-        options in the texts of `key`.
-
-    Returns
-    -------
-    callable
-        A decorator that converts the function into a `Computation`.
-
-    Examples
-    --------
-    >>> @reproduces("niu2024/text-context")
-    ... def nothing(inputs):
-    ...     return {}
-    >>> nothing.key
-    'niu2024/text-context'
-    """
-    known = options or item_text(key).options
-
-    def declared(function: Callable[..., Results]) -> Computation:
-        names = inspect.signature(function).parameters
-        taken = {option: known[option] for option in known if option in names}
-        return Computation(
-            key,
-            function,
-            tuple(inputs),
-            tuple(cells),
-            replicates,
-            taken,
-        )
-
-    return declared
-
-
 @dataclass(frozen=True)
 class Drawing(PaperFunction):
     """A function that draws on an empty matplotlib figure.
@@ -291,13 +273,13 @@ class Drawing(PaperFunction):
     ----------
     random : bool
         Whether it draws random numbers, with seeds from the root of the inputs.
-    marks : tuple of str
+    marks : sequence of str
         Addresses of cells of other items that the drawing marks, such as a printed optimum. All
         cells of the item itself are marked.
     """
 
-    random: bool
-    marks: tuple[str, ...]
+    random: bool = False
+    marks: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -320,17 +302,6 @@ class Schematic:
         return self.text.partition("<title>")[2].partition("</title>")[0]
 
 
-def draws(
-    key: str,
-    *,
-    inputs: Sequence[str] = (),
-    marks: Sequence[str] = (),
-    random: bool = False,
-) -> Callable[[Callable[..., None]], Drawing]:
-    """Declare that a function draws `key`; parameters as in `Drawing`."""
-    return lambda function: Drawing(key, function, tuple(inputs), random, tuple(marks))
-
-
 @dataclass(frozen=True)
 class Study(PaperFunction):
     """A supplementary table, which is not in the paper.
@@ -345,8 +316,8 @@ class Study(PaperFunction):
         Function of the same inputs. It returns the numbers that sentences quote, by name.
     """
 
-    random: bool
-    named: Callable[[Inputs], Mapping[str, Any]]
+    random: bool = False
+    named: Callable[[Inputs], Mapping[str, Any]] = lambda _: {}
 
     def __call__(self, inputs: Inputs) -> pd.DataFrame:
         """Compute the table, from the printed or from changed inputs."""
@@ -384,15 +355,9 @@ class Study(PaperFunction):
         }
 
 
-def studied(
-    key: str,
-    *,
-    inputs: Sequence[str] = (),
-    named: Callable[[Inputs], Mapping[str, Any]] = lambda _: {},
-    random: bool = False,
-) -> Callable[[Callable[..., Any]], Study]:
-    """Declare that a function computes the supplementary table `key`; parameters as in `Study`."""
-    return lambda function: Study(key, function, tuple(inputs), random, named)
+# Decorators of functions that compute printed cells, draw a figure, or compute a supplementary
+# table.
+reproduces, draws, studied = Computation.declare, Drawing.declare, Study.declare
 
 
 @cache
