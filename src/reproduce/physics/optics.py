@@ -520,41 +520,6 @@ def distortion_ratio(
 
 
 @checked
-def reference_points_scaled(
-    points: Points, scale: Positive, principal_point: Point
-) -> FloatArray:
-    """Return image points of the reference if only focal length and distortion differ.
-
-    Implements: niu2024 (9), (10), (11), (12).
-
-    By (11), an image point minus the principal point is the sum of ideal position and distortion.
-    Both are scaled by k in (10), the distortion by (9) with k^3 = k. Near k = 1 the relative error
-    of this approximation is 2 (1 - k).
-
-    Parameters
-    ----------
-    points : array_like, shape (..., n, 2)
-        Image points of the channel, in px.
-    scale : array_like, shape (...)
-        Scale factor k, above zero.
-    principal_point : array_like, shape (..., 2)
-        Principal point of both channels, in px.
-
-    Returns
-    -------
-    ndarray, shape (..., n, 2)
-        k * points - k * principal_point + principal_point, in px.
-
-    Examples
-    --------
-    >>> reference_points_scaled([[7, 9]], 2.0, (5, 5))
-    array([[ 9., 13.]])
-    """
-    principal_point = principal_point[..., None, :]
-    return scale[..., None, None] * (points - principal_point) + principal_point
-
-
-@checked
 def fit_camera(
     directions: Directions, points: Points, pixel_pitch: Size, rotation: Number = 0.0
 ) -> Camera:
@@ -597,22 +562,20 @@ def fit_camera(
     slopes = turned_onto_detector(ideal_positions(directions, 1.0), rotation)
     squared = np.square(slopes).sum(axis=-1, keepdims=True)
     columns = np.stack([slopes, slopes * squared], axis=-1) / pixel_pitch
-    # The principal point follows from the means.
-    centred = columns - columns.mean(axis=-3, keepdims=True)
-    observed = points - points.mean(axis=-2, keepdims=True)
-    normal = np.einsum("...nij,...nik->...jk", centred, centred)
-    pull = np.einsum("...nij,...ni->...j", centred, observed)
-    squares = np.diagonal(normal, axis1=-2, axis2=-1).prod(axis=-1)
-    if not (np.linalg.det(normal) > 1e-12 * squares).all():
+    origin = np.broadcast_to(np.eye(2), columns.shape)
+    # One row per coordinate, with the columns of F, m F^3 and both coordinates of the point.
+    design = np.concatenate([columns, origin], axis=-1)
+    design = design.reshape(*columns.shape[:-3], -1, 4)
+    if (np.linalg.matrix_rank(design, rtol=1e-9) < 4).any():
         raise DegenerateGeometryError(
             "directions: expected slopes that determine focal length and distortion, got equal "
             "slopes or only two points. Rotate the table to angles near and far from zero"
         )
-    linear = np.linalg.solve(normal, pull[..., None])[..., 0]
-    origin = (points - np.einsum("...nij,...j->...ni", columns, linear)).mean(axis=-2)
-    focal, cubic = np.moveaxis(linear, -1, 0)
+    observed = points.reshape(*points.shape[:-2], -1, 1)
+    linear = (np.linalg.pinv(design) @ observed)[..., 0]
+    focal, cubic = np.moveaxis(linear[..., :2], -1, 0)
     valid("points", focal, focal > 0, "axes that give a positive focal length")
-    return Camera(focal, origin, cubic / focal**3, pixel_pitch, rotation)
+    return Camera(focal, linear[..., 2:], cubic / focal**3, pixel_pitch, rotation)
 
 
 @checked
