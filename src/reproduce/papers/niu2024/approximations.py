@@ -104,11 +104,10 @@ def _facts(inputs: Inputs) -> dict[str, float]:
     angles = simulation.arrangement(inputs)
     green, *_ = cameras = simulation.instrument(inputs)
     true = channel_centroids(cameras, angles)
-    zero = true[:, zero_positions(angles)]
-    radii = np.linalg.norm(true[0] - zero[0], axis=-1)
+    radii = np.linalg.norm(true[0] - true[0, zero_positions(angles)], axis=-1)
     noise = np.sqrt(2.0) * inputs[NOISE]
     scatter = noise / np.linalg.norm(radii)
-    fitted = fit_registration(true[1:], true[:1], zero[1:, 0]).transform.scale
+    fitted = simulation.calibrated(true, angles).transform.scale
     actual, scales = (
         inputs.array(f"niu2024/table-{table}#scale.*") for table in (2, 3)
     )

@@ -52,7 +52,6 @@ from reproduce.papers.niu2024.simulation import (
     REGISTERED,
     instrument_of,
     translations,
-    zero_positions,
 )
 from reproduce.physics import optics
 from reproduce.physics.registration import (
@@ -241,8 +240,6 @@ def twin_fits(
         Cameras of green, red and blue, batch shape (replicates, 3), as in the last two rows.
     registration : RegistrationFit
         Registrations of red and blue to green, batch shape (replicates, 2), as in the first rows.
-        It is the closed form, which is the limit of the iteration of the paper. The pivot is the
-        spot at the zero position, as in section 3.2.
     """
     table, cameras = simulation.arrangement(inputs), instrument(inputs)
     true = optics.channel_centroids(cameras, table)
@@ -251,9 +248,7 @@ def twin_fits(
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     turns = [camera.rotation for camera in cameras]
     fitted = optics.fit_camera(directions, noisy, pitch, turns)
-    [zero] = zero_positions(table)
-    others = noisy[:, 1:]
-    return fitted, fit_registration(others, noisy[:, :1], others[:, :, zero])
+    return fitted, simulation.calibrated(noisy, table)
 
 
 # Replicates of both kinds of fit.

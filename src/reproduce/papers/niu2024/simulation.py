@@ -23,7 +23,7 @@ Each choice is an option of the computations below. The ledger evaluates all com
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -43,7 +43,8 @@ from reproduce.physics import validate
 from reproduce.physics.optics import Camera, arrangement_angles, channel_centroids
 from reproduce.physics.registration import (
     Registration,
-    closed_similarity,
+    RegistrationFit,
+    fit_registration,
     rmse_per_axis,
 )
 from reproduce.physics.validate import FloatArray
@@ -148,6 +149,34 @@ def zero_positions(angles: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 
 
+def calibrated(
+    measured: FloatArray, angles: FloatArray, count: int | None = None
+) -> RegistrationFit:
+    """Return the registrations of red and blue to green, as in section 3.2.
+
+    The fit is the closed form, which is the limit of the iteration of the paper. The pivots are the
+    spots at the zero position.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (..., 3, n, 2)
+        Centroids of green, red and blue, in px.
+    angles : ndarray, shape (n, 2)
+        Angles of the table, in radians, with the zero position.
+    count : int, optional
+        Number of the first angles, whose centroids are fitted. Default: all.
+
+    Returns
+    -------
+    RegistrationFit
+        Batch shape (..., 2).
+    """
+    green, others = np.split(measured, [1], axis=-3)
+    [zero] = zero_positions(angles)
+    pivots = others[..., zero, :]
+    return fit_registration(others[..., :count, :], green[..., :count, :], pivots)
+
+
 def noise(inputs: Inputs) -> float:
     """Return the standard deviation of a coordinate of a centroid, in px, zero or more."""
     return float(validate.non_negative(NOISE, inputs[NOISE]))
@@ -182,22 +211,16 @@ class _Bench:
         unit = generator.standard_normal((replicates, *true.shape[-3:]))
         return true + sigma * factors * unit
 
-    def calibrated(
-        self, generator: Generator, replicates: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the calibrated parameters of red and blue, (replicates, 2, 4), and the pivots.
+    def calibrated(self, generator: Generator, replicates: int) -> Registration:
+        """Return the calibrated transforms of red and blue, batch shape (replicates, 2).
 
-        The fit is the closed form, which is the limit of the iteration of section 3.2. A zero
-        position that is not in an arrangement is measured in addition to its points.
+        A zero position that is not in an arrangement is measured in addition to its points.
         """
         angles, count = self.table, len(self.table)
         if not zero_positions(angles).size:
             angles = np.vstack([angles, [[0.0, 0.0]]])
         measured = self.measured(generator, replicates, angles)
-        [zero] = zero_positions(angles)
-        pivots = measured[:, 1:, zero]
-        green, others = measured[:, :1, :count], measured[:, 1:, :count]
-        return closed_similarity(others, green, pivots, np.ones(count))[0], pivots
+        return calibrated(measured, angles, count).transform
 
     def tested(self, generator: Generator, replicates: int, tests: str) -> FloatArray:
         """Return centroids of random test points, shape (replicates, 3, points, 2), in px."""
@@ -240,29 +263,8 @@ def calibrated_parameters(
     Implements: niu2024 (14), (17), (18), (19), (20), (21), (22), (23), (24), (25).
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
-    parameters, _ = bench.calibrated(default_rng(seed), replicates)
-    return by_cell("{1}.{0}", parameters, REGISTERED, ROWS)
-
-
-@lru_cache(maxsize=2)
-def _residuals(
-    bench: _Bench, seed: SeedSequence, replicates: int, tests: str, parameters: str
-) -> FloatArray:
-    """Return the RMSE per axis before and after registration, (replicates, 2, 2, 2), in px.
-
-    The test points are drawn first: the RMSE before registration is then equal for every
-    calibration.
-    """
-    generator = default_rng(seed)
-    measured = bench.tested(generator, replicates, tests)
-    if parameters == "table-3":
-        transform = bench.printed()
-    else:
-        fitted = bench.calibrated(generator, replicates)
-        transform = Registration("similarity", *fitted)
-    green, before = measured[:, None, :1], measured[:, 1:]
-    both = np.stack([before, transform.apply(before)], axis=1)
-    return rmse_per_axis(both, green)
+    transforms = bench.calibrated(default_rng(seed), replicates)
+    return by_cell("{1}.{0}", transforms.parameters, REGISTERED, ROWS)
 
 
 @reproduces(
@@ -294,8 +296,17 @@ def registration_rmse(
     Implements: niu2024 (17), (18), (26).
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
-    residuals = _residuals(bench, seed, replicates, tests, parameters)
-    axes = np.moveaxis(residuals, -1, 0)
+    generator = default_rng(seed)
+    # The test points are drawn first: the RMSE before registration is then equal for every
+    # calibration.
+    measured = bench.tested(generator, replicates, tests)
+    if parameters == "table-3":
+        transforms = bench.printed()
+    else:
+        transforms = bench.calibrated(generator, replicates)
+    before = measured[:, 1:]
+    both = np.stack([before, transforms.apply(before)], axis=1)
+    axes = np.moveaxis(rmse_per_axis(both, measured[:, None, :1]), -1, 0)
     if rmse in {"x", "y"}:
         values = axes["xy".index(rmse)]
     else:
