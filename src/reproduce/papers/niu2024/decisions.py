@@ -24,7 +24,7 @@ from reproduce.papers.declare import Rows, by_cell, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
-from reproduce.physics.registration import prepare
+from reproduce.physics.registration import Registration, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 
@@ -35,8 +35,6 @@ INPUTS = simulation.INPUTS
 _COUNT = "niu2024/text-simulation#angle-count"
 _MODELS = ("similarity", "distortions free")
 _STAR_COUNTS = (10, 20, 50, 100, 200, 500, 1000)
-# Steps of the derivatives: scale, rotation, two shifts, two distortions.
-_DERIVATIVE_STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
 _MAX_STARS = 1e5
 _STARS_TRIED = np.geomspace(4, _MAX_STARS, 60)
 
@@ -50,25 +48,24 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     """
     green, red, _ = posteriors.true_centroids(inputs)
     middle, true = posteriors.pivot(inputs), posteriors.truth(inputs)
-    likelihood = models.DistortedRegistration(prepare(red, green, middle))
-    # The fifth parameter is the noise, which moves no star.
-    moves = np.insert(np.diag(_DERIVATIVE_STEPS), 4, 0.0, axis=1)
-    centre = np.array([*true.values(), 0.0, 0.0])
-    ahead, behind = (likelihood.places(centre + sign * moves) for sign in (1, -1))
-    response = (ahead - behind) / (2 * _DERIVATIVE_STEPS[:, None, None])
-    flat = response.reshape(len(moves), -1)
-    information = flat @ flat.T / true["noise"] ** 2
+    fit = fit_registration(red, green, middle)
+    straight = Registration("similarity+radial", [*fit.parameters, 0.0], middle)
+    response = straight.jacobian(red)
+    radii = np.hypot(*(red - middle).T)
+    outermost = radii.argmax()
+    # Both distortions move the stars alike. The radial term is k^2 d_t - d_s over the cubed radius.
+    spread = models.DISTORTION_PRIOR.sigma * np.hypot(1, true["scale"] ** 2)
     # The other parameters have flat priors.
-    prior = np.diag([0.0] * 4 + [models.DISTORTION_PRIOR.sigma**-2] * 2)
-    outermost = np.hypot(*(red - middle).T).argmax()
-    edge, ratio = response[:, outermost].T, counts[:, None, None] / len(red)
+    prior = np.diag([0.0] * 4 + [(radii[outermost] ** 3 / spread) ** 2])
+    flat = response.reshape(-1, len(prior)) / true["noise"]
+    normal = flat.T @ flat * counts[:, None, None] / len(red) + prior
+    edge = response[outermost]
     # A similarity has the first four parameters.
-    normal = information * ratio + prior
     plain, free = (
-        edge[:, part] @ np.linalg.inv(normal[..., part, part]) @ edge[:, part].T
-        for part in (slice(4), slice(6))
+        edge[:, :size] @ np.linalg.inv(normal[:, :size, :size]) @ edge[:, :size].T
+        for size in (4, 5)
     )
-    return plain, free, likelihood.fit.residuals[outermost]
+    return plain, free, fit.residuals[outermost]
 
 
 def _edge_errors(inputs: Inputs, counts: FloatArray) -> FloatArray:
