@@ -46,15 +46,14 @@ from reproduce.physics.validate import (
 _BORDER_TOLERANCE = 1e-9
 # Steps in half a range, above which the unit of an angle is probably wrong.
 _MAX_STEPS = 2000
-_ROOT2, _ROOT3 = np.sqrt([2.0, 3.0])
-# Spacings of the fine grid, in steps.
-_SPACINGS = {
+# Squared spacings of the fine grid, in squared steps.
+_SQUARED_SPACINGS = {
     "square, step between neighbours": (1, 1),
     "quincunx, step between rows": (1, 1),
-    "quincunx, step between neighbours": (1 / _ROOT2, 1 / _ROOT2),
-    "quincunx, step along a row": (1 / 2, 1 / 2),
-    "hexagonal, rows along x": (1 / 2, _ROOT3 / 2),
-    "hexagonal, rows along y": (_ROOT3 / 2, 1 / 2),
+    "quincunx, step between neighbours": (0.5, 0.5),
+    "quincunx, step along a row": (0.25, 0.25),
+    "hexagonal, rows along x": (0.25, 0.75),
+    "hexagonal, rows along y": (0.75, 0.25),
 }
 # Numbers of spacings in the range whose mean spacing is the step, for the printed range.
 _DIVISIONS = ((16, 15), (20, 12))
@@ -123,7 +122,7 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     j, i = np.mgrid[-y : y + 1, -x : x + 1].reshape(2, -1)
     origin = -half
     if offset != _CORNER:
-        origin = spacing * _OFFSETS[offset] * [along / 2, 1 / 2]
+        origin = spacing * _OFFSETS[offset] * [along, 1] / 2
     nodes = origin + spacing * np.stack([i, j], axis=-1)
     inside = _windows(nodes, half)
     selected = ((i + j) % along == 0) & inside["rectangle"] & inside[window]
@@ -135,7 +134,7 @@ def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:
     nearest = 2 * half / np.maximum(1, np.rint(2 * half / step))
     stretched = "stretched to the edges"
     return {
-        **{name: np.array(spacing) * step for name, spacing in _SPACINGS.items()},
+        **{name: step * np.sqrt(square) for name, square in _SQUARED_SPACINGS.items()},
         f"square, {stretched}": nearest,
         f"quincunx, {stretched}, spacings nearest the step": nearest,
         **{
@@ -147,15 +146,18 @@ def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:
 
 def _windows(nodes: FloatArray, half: FloatArray) -> dict[str, NDArray[np.bool_]]:
     """Return the nodes that each window contains, as masks."""
-    inside, radius = np.abs(nodes / half), np.hypot(*nodes.T)
-    edge = 1 + _BORDER_TOLERANCE
+    # Distance from the centre by the order of its norm, and the distance of the border.
+    norms = {
+        "rectangle": (np.inf, half),
+        "rectangle without its border": (np.inf, half * (1 - 2 * _BORDER_TOLERANCE)),
+        "inscribed ellipse": (2, half),
+        "circle of the smaller half range": (2, half.min()),
+        "circle of the larger half range": (2, half.max()),
+        "diamond": (1, half),
+    }
     return {
-        "rectangle": inside.max(axis=1) <= edge,
-        "rectangle without its border": inside.max(axis=1) < 1 - _BORDER_TOLERANCE,
-        "inscribed ellipse": np.square(inside).sum(axis=1) <= edge,
-        "circle of the smaller half range": radius <= half.min() * edge,
-        "circle of the larger half range": radius <= half.max() * edge,
-        "diamond": inside.sum(axis=1) <= edge,
+        name: np.linalg.norm(nodes / border, order, axis=1) <= 1 + _BORDER_TOLERANCE
+        for name, (order, border) in norms.items()
     }
 
 
