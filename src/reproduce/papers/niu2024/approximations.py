@@ -25,7 +25,7 @@ from reproduce.papers.niu2024.simulation import (
     zero_positions,
 )
 from reproduce.physics.optics import Camera, channel_centroids
-from reproduce.physics.registration import error_field, fit_registration
+from reproduce.physics.registration import error_field, fit_registration, rmse
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -152,6 +152,6 @@ def _errors(inputs: Inputs) -> Rows:
             fields = _error_fields(source, green, second_ratio, positions)
             for effect, error in fields.items():
                 fit = fit_registration(stars, stars + error, (0.0, 0.0))
-                lengths = np.linalg.norm([error, fit.residuals], axis=-1)
-                whole, rest = np.sqrt(np.square(lengths).mean(axis=-1))
-                yield effect, table, channel, lengths[0].max(), whole, rest
+                largest = np.hypot(*error.T).max()
+                whole, rest = rmse([error, fit.residuals], 0 * error)
+                yield effect, table, channel, largest, whole, rest

@@ -40,6 +40,7 @@ from reproduce.physics.optics import Camera, channel_centroids, detector_centre
 from reproduce.physics.registration import (
     Registration,
     registered_image,
+    rmse,
     similarity_between,
 )
 from reproduce.physics.validate import FloatArray
@@ -164,7 +165,7 @@ def compare_images(
         signals.append([_signal_to_noise(image) for image in fused])
     misses = np.concatenate(errors, axis=1)  # image, trial, axis
     return (
-        np.sqrt(np.square(misses).sum(axis=-1).mean(axis=-1)),
+        rmse(misses, 0 * misses),
         np.hypot(*misses.mean(axis=1).T),
         np.mean(signals, axis=0),
     )
@@ -263,8 +264,8 @@ def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
                 axes.plot(*place, look, mfc="none", ms=9, mew=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
-    figure.supxlabel("x (px)", fontsize=9)
-    figure.supylabel("y (px)", fontsize=9)
+    figure.supxlabel("x (px)")
+    figure.supylabel("y (px)")
     grid[-1, -1].set_axis_off()
 
 

@@ -328,8 +328,8 @@ def _draw_angles(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         axes.set(aspect="equal", xticks=(-8, 0, 8), yticks=(-6, 0, 6))
         axes.set_title(name.replace("-", "\n", 1).replace("-", " "), fontsize=8.5)
         axes.grid(visible=False)
-    figure.supxlabel("middle frame (°)", fontsize=9)
-    figure.supylabel("external frame (°)", fontsize=9)
+    figure.supxlabel("middle frame (°)")
+    figure.supylabel("external frame (°)")
 
 
 _UNITS = {"scale": ("", 1.0), "rotation": (" (°)", np.pi / 180)}
