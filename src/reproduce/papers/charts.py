@@ -43,9 +43,9 @@ def set_size(
 
 def two_panels(figure: Figure, height: float, narrow: float, label: str) -> list[Axes]:
     """Return two panels with one vertical scale, below each other on a narrow page."""
-    narrowed = set_size(figure, height, narrow)
-    panels = list(figure.subplots(*((2, 1) if narrowed else (1, 2)), sharey=True))
-    for axes in panels if narrowed else panels[:1]:
+    shape = (2, 1) if set_size(figure, height, narrow) else (1, 2)
+    panels = list(figure.subplots(*shape, sharey=True))
+    for axes in panels[: shape[0]]:
         axes.set_ylabel(label)
     return panels
 

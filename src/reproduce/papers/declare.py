@@ -204,11 +204,10 @@ class Computation(PaperFunction):
 
         Options without a choice keep their literal alternative.
         """
-        chosen = self.literal | {
-            option: name
-            for option, name in choices.items()
-            if name in self.options.get(option, ())
-        }
+        # The first reading with the most choices.
+        chosen = max(
+            self.readings, key=lambda reading: len(reading.items() & choices.items())
+        )
         options = {
             option: {name: self.options[option][name]}
             for option, name in chosen.items()

@@ -187,11 +187,12 @@ def rotary_matrix(external: Number, middle: Number) -> FloatArray:
            [ 0.,  1.,  0.],
            [ 1.,  0.,  0.]])
     """
-    e, m = np.broadcast_arrays(external, middle)
+    angles = np.broadcast_arrays(external, middle)
+    (sin_e, sin_m), (cos_e, cos_m) = np.sin(angles), np.cos(angles)
     rows = [
-        [np.cos(m), 0 * m, -np.sin(m)],
-        [np.sin(e) * np.sin(m), np.cos(e), np.sin(e) * np.cos(m)],
-        [np.cos(e) * np.sin(m), -np.sin(e), np.cos(e) * np.cos(m)],
+        [cos_m, 0 * cos_m, -sin_m],
+        [sin_e * sin_m, cos_e, sin_e * cos_m],
+        [cos_e * sin_m, -sin_e, cos_e * cos_m],
     ]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
@@ -316,7 +317,7 @@ def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArra
     >>> ideal_positions([[1, 2, 10]], 20e-3)
     array([[0.002, 0.004]])
     """
-    across, along = directions[..., :2], directions[..., 2:]
+    across, along = np.split(directions, [2], axis=-1)
     # Nearer to the focal plane, the position overflows.
     front = along[..., 0] > 1e-9 * np.abs(across).max(axis=-1)
     valid("directions", along[..., 0], front, "stars in front of the camera")
@@ -375,7 +376,7 @@ def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
     array([[ 0., -1.]])
     """
     cosine, sine = np.cos(rotation)[..., None], np.sin(rotation)[..., None]
-    x, y = positions[..., 0], positions[..., 1]
+    x, y = np.moveaxis(positions, -1, 0)
     return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
 
 

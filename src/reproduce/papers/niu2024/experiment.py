@@ -281,8 +281,8 @@ def _scale_errors(inputs: Inputs) -> Rows:
     for name, fraction in _ERROR_FRACTIONS.items():
         camera, fit = twin_fits(inputs, seed, _FIT_REPLICATES, fraction * residual)
         green, others = np.split(camera.focal_length, [1], axis=1)
-        sigma = np.std(fit.parameters[..., 0] - green / others, axis=0)
-        distance = np.maximum(0.0, np.abs(apart) - _SCALE_ROUNDING) / sigma
+        sigma = np.std(fit.transform.scale - green / others, axis=0)
+        distance = (np.abs(apart) - _SCALE_ROUNDING).clip(0.0) / sigma
         yield from zip(REGISTERED, [name] * 2, apart, sigma, distance, strict=True)
 
 

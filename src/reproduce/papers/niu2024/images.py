@@ -247,8 +247,10 @@ def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     photons = photons_from(inputs, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     # Red, green and blue, and both sums.
-    images = [*windows[[1, 0, 2]][..., _MIDDLE_SLICE, _MIDDLE_SLICE]]
-    images += [*_combinations(windows, corner, similarities(inputs))[1:]]
+    images = [
+        *windows[[1, 0, 2]][..., _MIDDLE_SLICE, _MIDDLE_SLICE],
+        *_combinations(windows, corner, similarities(inputs))[1:],
+    ]
     titles = (*_CHANNEL_MARKS, *KINDS[1:])
     places = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
