@@ -29,7 +29,7 @@ DRAWN = {key: one for key in drawable() if isinstance(one := drawing(key), Schem
 
 
 def tree(key):
-    return ElementTree.fromstring(DRAWN[key].text)
+    return ElementTree.fromstring(DRAWN[key].svg)
 
 
 def numbers(text):

@@ -26,7 +26,7 @@ _CENTRAL = (0.005, 0.5, 0.995)
 LEVELS = (0.025, 0.5, 0.975)
 
 
-def is_narrow(figure: Figure) -> bool:
+def _is_narrow(figure: Figure) -> bool:
     """Return whether a figure is drawn for a narrow page."""
     return figure.get_figwidth() <= NARROW
 
@@ -35,7 +35,7 @@ def set_size(
     figure: Figure, height: float, narrow: float | None = None, width: float = 6.4
 ) -> bool:
     """Set the size in inches, with another height on a narrow page; return whether it is narrow."""
-    if narrowed := is_narrow(figure):
+    if narrowed := _is_narrow(figure):
         width, height = NARROW, narrow or height
     figure.set_size_inches(width, height)
     return narrowed
@@ -53,7 +53,7 @@ def two_panels(figure: Figure, height: float, narrow: float, label: str) -> list
 def legend_below(figure: Figure, columns: int) -> None:
     """Put the legend of the first panel below all, in half as many columns on a narrow page."""
     handles = figure.axes[0].get_legend_handles_labels()
-    columns = (columns + 1) // 2 if is_narrow(figure) else columns
+    columns = (columns + 1) // 2 if _is_narrow(figure) else columns
     figure.legend(*handles, loc="outside lower center", ncols=columns)
 
 

@@ -15,8 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import product
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from numpy.random import SeedSequence
 
@@ -281,24 +280,21 @@ class Drawing(PaperFunction):
     marks: Sequence[str] = ()
 
 
-@dataclass(frozen=True)
-class Schematic:
-    """A drawing by hand: an SVG file, whose ``{ADDRESS printed}`` stand for printed cells."""
+class Schematic(Drawing):
+    """A drawing by hand, whose function reads an SVG file.
 
-    key: str
-    path: Path
-    inputs: ClassVar[tuple[str, ...]] = ()
-    random: ClassVar[bool] = False
+    Texts ``{ADDRESS printed}`` in it stand for printed cells.
+    """
 
     @cached_property
-    def text(self) -> str:
+    def svg(self) -> str:
         """SVG, without the style that all schematics share."""
-        return self.path.read_text(encoding="utf-8")
+        return str(self.function(encoding="utf-8"))
 
     @property
     def title(self) -> str:
         """Title of the file."""
-        return self.text.partition("<title>")[2].partition("</title>")[0]
+        return self.svg.partition("<title>")[2].partition("</title>")[0]
 
 
 @dataclass(frozen=True)
@@ -360,14 +356,15 @@ reproduces, draws, studied = Computation.declare, Drawing.declare, Study.declare
 
 
 @cache
-def declarations(key: str) -> Sequence[PaperFunction | Schematic]:
+def declarations(key: str) -> Sequence[PaperFunction]:
     """Return the declarations of an item, a supplementary table or a drawing.
 
     They are in the module of the key. Without a module, its schematic is the declaration.
     """
     module = ChainMap(*map(catalogue, KINDS))[key]
     if not module:
-        return [Schematic(key, path) for path in data_files(f"schematics/{key}.svg")]
+        files = data_files(f"schematics/{key}.svg")
+        return [Schematic(key, path.read_text, ()) for path in files]
     declared = [
         value
         for value in vars(importlib.import_module(module)).values()
@@ -386,11 +383,9 @@ def computations(key: str) -> list[Computation]:
     return [each for each in declarations(key) if isinstance(each, Computation)]
 
 
-def drawing(key: str) -> Drawing | Schematic | None:
+def drawing(key: str) -> Drawing | None:
     """Return the drawing of a figure or of a supplementary drawing; None for other keys."""
-    drawn = (
-        each for each in declarations(key) if isinstance(each, Drawing | Schematic)
-    )
+    drawn = (each for each in declarations(key) if isinstance(each, Drawing))
     return next(drawn, None)
 
 

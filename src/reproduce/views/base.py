@@ -15,7 +15,6 @@ from markupsafe import Markup
 from reproduce.judge import rerun
 from reproduce.papers.declare import (
     Drawing,
-    PaperFunction,
     Schematic,
     Study,
     changeable,
@@ -96,7 +95,7 @@ class ItemView(ResultView):
     def source(self) -> str:
         """Source code of the functions that compute and draw it."""
         made = declarations(self.key)
-        functions = (one.function for one in made if isinstance(one, PaperFunction))
+        functions = (one.function for one in made if not isinstance(one, Schematic))
         return "\n\n\n".join(map(text_of, functions))
 
     @property
@@ -140,7 +139,7 @@ class Rerunnable(ItemView):
 
     @property
     @abstractmethod
-    def _declared(self) -> Drawing | Schematic | Study:
+    def _declared(self) -> Drawing | Study:
         """The declaration of its key."""
 
     @abstractmethod

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from reproduce.papers.charts import is_narrow, set_size
+from reproduce.papers.charts import set_size
 from reproduce.views.blocks import Html
 from reproduce.views.computed import whole_ledger
 from reproduce.views.figure import figure_block
@@ -47,7 +47,7 @@ def differences_block(found: pd.DataFrame) -> Html:
     labels = list(dict.fromkeys(lines))
 
     def paint(figure: Figure) -> None:
-        set_size(figure, 0.34 * len(labels) + 1.0, 0.42 * len(labels) + 1.0)
+        narrow = set_size(figure, 0.34 * len(labels) + 1.0, 0.42 * len(labels) + 1.0)
         axes = figure.add_subplot()
         axes.axvspan(-1, 1, fc=("C6", 0.2), ec="C6")
         for agrees, look in ((True, "C0|"), (False, "C1D")):
@@ -55,7 +55,7 @@ def differences_block(found: pd.DataFrame) -> Html:
             axes.plot(found["distance"][shown], lines[shown].map(labels.index), look)
         axes.set_xscale("symlog", linthresh=2)
         axes.set_xticks([-5, -1, 0, 1, 5, 20], ["−5", "−1", "0", "1", "5", "20"])
-        names = [x.replace(", ", ",\n", 1) if is_narrow(figure) else x for x in labels]
+        names = [x.replace(", ", ",\n", 1) if narrow else x for x in labels]
         axes.set_yticks(range(len(labels)), names)
         axes.set(xlabel="distance (largest that agrees)", xlim=(-6, 30))
         axes.invert_yaxis()

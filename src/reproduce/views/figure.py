@@ -163,7 +163,7 @@ class Figure(Rerunnable):
     """
 
     @property
-    def _declared(self) -> Drawing | Schematic:
+    def _declared(self) -> Drawing:
         if self.key not in catalogue("drawings"):
             keys.check_key(self.key)
         if found := drawing(self.key):
@@ -178,7 +178,7 @@ class Figure(Rerunnable):
             file = data_folder() / "schematics/style.svg"
             shared = file.read_text(encoding="utf-8")
             style = shared[shared.index("<style") : shared.index("</svg>")].rstrip()
-            return filled(declared.text).replace(">", f">\n  {style}", 1)
+            return filled(declared.svg).replace(">", f">\n  {style}", 1)
         own = [self.key] if self.key in library() else []
         printed = load_inputs([*own, *declared.marks])
         return _styled_figure(

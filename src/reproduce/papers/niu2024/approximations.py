@@ -19,11 +19,7 @@ import numpy as np
 from reproduce.papers.declare import Results, Rows, reproduces, studied
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.registration import scale_factors
-from reproduce.papers.niu2024.simulation import (
-    NOISE,
-    REGISTERED,
-    zero_positions,
-)
+from reproduce.papers.niu2024.simulation import NOISE, REGISTERED
 from reproduce.physics.optics import Camera, channel_centroids
 from reproduce.physics.registration import error_field, fit_registration, rmse
 from reproduce.physics.validate import FloatArray
@@ -104,7 +100,7 @@ def _facts(inputs: Inputs) -> dict[str, float]:
     angles = simulation.arrangement(inputs)
     green, *_ = cameras = simulation.instrument(inputs)
     true = channel_centroids(cameras, angles)
-    radii = np.linalg.norm(true[0] - true[0, zero_positions(angles)], axis=-1)
+    radii = np.linalg.norm(true[0] - green.principal_point, axis=-1)
     noise = np.sqrt(2.0) * inputs[NOISE]
     scatter = noise / np.linalg.norm(radii)
     fitted = simulation.calibrated(true, angles).transform.scale

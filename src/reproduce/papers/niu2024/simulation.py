@@ -144,7 +144,7 @@ def instrument(inputs: Inputs, source: str = "table-1") -> list[Camera]:
     return instrument_of(inputs, "niu2024/table-1", "niu2024/table-2", principal)
 
 
-def zero_positions(angles: FloatArray) -> NDArray[np.intp]:
+def _zero_positions(angles: FloatArray) -> NDArray[np.intp]:
     """Return the indices of the zero position among angles of shape (n, 2)."""
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 
@@ -172,7 +172,7 @@ def calibrated(
         Batch shape (..., 2).
     """
     green, others = np.split(measured, [1], axis=-3)
-    [zero] = zero_positions(angles)
+    [zero] = _zero_positions(angles)
     pivots = others[..., zero, :]
     return fit_registration(others[..., :count, :], green[..., :count, :], pivots)
 
@@ -217,7 +217,7 @@ class _Bench:
         A zero position that is not in an arrangement is measured in addition to its points.
         """
         angles, count = self.table, len(self.table)
-        if not zero_positions(angles).size:
+        if not _zero_positions(angles).size:
             angles = np.vstack([angles, [[0.0, 0.0]]])
         measured = self.measured(generator, replicates, angles)
         return calibrated(measured, angles, count).transform
