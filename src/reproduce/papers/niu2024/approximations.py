@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -134,7 +135,7 @@ def _facts(inputs: Inputs) -> dict[str, float]:
 )
 def _errors(inputs: Inputs) -> Rows:
     """Compute the size of each error over the detector, and its residual after a fit."""
-    grid = np.stack(np.meshgrid(_MIDDLES, _MIDDLES), axis=-1).reshape(-1, 2)
+    grid = np.array([*product(_MIDDLES, repeat=2)])
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     half = inputs.array("niu2024/text-optics#pixels-?") * pitch / 2
     positions = grid * half

@@ -228,9 +228,9 @@ def _facts(inputs: Inputs) -> dict[str, float | str]:
 def _centroids(inputs: Inputs) -> Rows:
     """Return the stored errors and signal-to-noise ratios by star, place, magnitude and image."""
     arrays, _ = _stored()
-    numbers = np.stack([arrays[name] for name in RESULTS], axis=-1)
     labels = product(STARS, PLACES, MAGNITUDES, KINDS)
-    for label, row in zip(labels, numbers.reshape(-1, len(RESULTS)), strict=True):
+    columns = (arrays[name].ravel() for name in RESULTS)
+    for label, *row in zip(labels, *columns, strict=True):
         yield (*label, *row)
 
 
@@ -257,13 +257,13 @@ def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     shape = (3, 2) if set_size(figure, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
     for axes, title, [flux] in zip(grid.flat, titles, images, strict=False):
-        root = np.sqrt(np.maximum(flux, 0))
+        root = np.sqrt(flux.clip(0))
         # Never quite black, which follows the text of the page and is white on a dark page.
         axes.pcolormesh(root, cmap="gray_r", vmin=0, vmax=1.1 * root.max())
-        for name, look in _CHANNEL_MARKS.items():
-            if title in (name, *KINDS[1:]):
-                place = places["green" if title == KINDS[2] else name]
-                axes.plot(*place, look, mfc="none", ms=9, mew=1.3, path_effects=halo)
+        for name in [title] if title in places else _CHANNEL_MARKS:
+            look = _CHANNEL_MARKS[name]
+            place = places["green" if title == KINDS[2] else name]
+            axes.plot(*place, look, mfc="none", ms=9, mew=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
     figure.supxlabel("x (px)")

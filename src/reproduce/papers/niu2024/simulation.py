@@ -132,8 +132,7 @@ def instrument_of(
     )
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     turns = [0.0, *inputs.array(f"{rotations}#rotation.*")]
-    parameters = zip(lengths, principal, distortions, [pitch] * 3, turns, strict=True)
-    return [Camera(*each) for each in parameters]
+    return [*map(Camera, lengths, principal, distortions, [pitch] * 3, turns)]
 
 
 def instrument(inputs: Inputs, source: str = "table-1") -> list[Camera]:

@@ -243,14 +243,14 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     valid("share", share, 0.0 < share < 1.0, "a fraction between 0 and 1")
     from scipy.optimize import elementwise  # the other functions do not need it
 
-    values = np.linalg.eigvalsh(covariance)
+    low, high = np.moveaxis(np.linalg.eigvalsh(covariance), -1, 0)
     valid(
         "covariance",
-        values[..., 0],
-        values[..., 0] >= -1e-9 * values[..., 1].clip(0.0),
+        low,
+        low >= -1e-9 * high.clip(0.0),
         "no negative variance in any direction",
     )
-    small, large = np.sqrt(np.moveaxis(values.clip(0.0), -1, 0))
+    small, large = np.sqrt(np.clip([low, high], 0.0, None))
     ratio = small / np.where(large > 0, large, 1.0)
     # The radius for equal semi-axes, the largest one, has a closed form.
     bracket = 0.0, 1.01 * np.sqrt(-2.0 * np.log1p(-share))
