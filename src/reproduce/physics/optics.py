@@ -569,7 +569,7 @@ def fit_camera(
     # One row per coordinate, with the columns of F, m F^3 and both coordinates of the point.
     design = np.concatenate([columns, origin], axis=-1)
     design = design.reshape(*columns.shape[:-3], -1, 4)
-    if (np.linalg.matrix_rank(design, rtol=1e-9) < 4).any():
+    if (np.linalg.matrix_rank(design, rtol=1e-12) < 4).any():
         raise DegenerateGeometryError(
             "directions: expected slopes that determine focal length and distortion, got equal "
             "slopes or only two points. Rotate the table to angles near and far from zero"
