@@ -1,7 +1,5 @@
 """The simulation of niu2024 against answers that do not come from it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,6 @@ from reproduce.printed.inputs import load_inputs
 from reproduce.views.figure import Figure
 
 INPUTS = load_inputs(simulation.calibrated_parameters.inputs)
-LITERAL = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
 TABLE = simulation.arrangement(INPUTS)
 [ZERO] = np.flatnonzero(np.isclose(TABLE, 0).all(axis=1))
 TRUE = channel_centroids(simulation.instrument(INPUTS), TABLE)
@@ -50,7 +47,7 @@ def test_figure_4_has_every_arrangement():
     drawn = [
         one.lines[0].get_xydata() for one in Figure("niu2024/fig-4").compute().axes
     ]
-    np.testing.assert_array_equal(drawn[0], np.degrees(LITERAL.table))
+    np.testing.assert_array_equal(drawn[0], np.degrees(TABLE))
     assert len(drawn) == len({one.round(6).tobytes() for one in drawn}) == 9
     assert all(len(one) == 137 for one in drawn)
 
@@ -99,23 +96,22 @@ def test_both_channels_share_the_noise_of_green(prediction):
 def test_noise_has_the_sigma_of_its_channel_over_the_root_of_the_draws():
     for noise, factors in simulation._NOISE_FACTORS.items():
         for repeats, count in (("one", 1), ("ten", 10)):
-            bench = replace(LITERAL, noise=noise, repeats=repeats)
-            errors = bench.measured(generator(), 200, TABLE) - TRUE
+            reading = noise, repeats, "table-1"
+            measured = simulation._measuring(INPUTS, generator(), 200, *reading)
+            errors = measured(TABLE) - TRUE
             sigma = 0.05 * np.array(factors) / np.sqrt(count)
             np.testing.assert_allclose(errors.std(axis=(0, 2, 3)), sigma, rtol=0.02)
 
 
 def test_test_points_fill_the_range_or_are_different_angles():
-    half = np.tan(simulation.half_ranges(INPUTS)) * 25e-3 / 3.45e-6
     inputs = load_inputs(simulation.registration_rmse.inputs)
-    bench = replace(LITERAL, inputs=inputs, noise="red-and-blue")
-    offsets = bench.tested(generator(), 300, "range")[:, 0] - TRUE[0, ZERO]
-    widths = np.abs(offsets).max(axis=(0, 1)) / half
-    assert ((widths > 0.99) & (widths < 1.02)).all()
-    for green in bench.tested(generator(), 3, "angles")[:, 0]:
-        distances = np.linalg.norm(green[:, None] - TRUE[0], axis=-1)
-        assert distances.min(axis=1).max() < 1e-9
-        assert len(set(distances.argmin(axis=1))) == len(green)
+    arguments = inputs, generator(), 300, TABLE
+    drawn = simulation._test_angles(*arguments, "range")
+    np.testing.assert_allclose(np.abs(drawn).max((0, 1)), np.radians((8, 6)), rtol=0.01)
+    for angles in simulation._test_angles(*arguments, "angles")[:3]:
+        distances = np.linalg.norm(angles[:, None] - TABLE, axis=-1)
+        assert distances.min(axis=1).max() == 0
+        assert len(set(distances.argmin(axis=1))) == len(angles)
 
 
 def median_rmse(name, **choices):

@@ -22,7 +22,7 @@ Each choice is an option of the computations below. The ledger evaluates all com
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING
@@ -181,63 +181,65 @@ def noise(inputs: Inputs) -> float:
     return float(validate.non_negative(NOISE, inputs[NOISE]))
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """The simulated bench under one reading: inputs and alternatives of its options."""
+def _measuring(
+    inputs: Inputs,
+    generator: Generator,
+    replicates: int,
+    noisy: str,
+    repeats: str,
+    translations: str,
+) -> Callable[[FloatArray], FloatArray]:
+    """Return a function of angles, (..., n, 2), that draws centroids, (replicates, 3, n, 2), in px.
 
-    inputs: Inputs
-    angles: str
-    noise: str
-    repeats: str
-    translations: str
+    A mean of several draws has their noise divided by the root of their number.
+    """
+    cameras = instrument(inputs, translations)
+    factors = np.reshape(_NOISE_FACTORS[noisy], (3, 1, 1))
+    sigma = noise(inputs) * factors / np.sqrt(_DRAWS_AVERAGED[repeats])
 
-    @property
-    def table(self) -> FloatArray:
-        """Angles of the calibration, shape (n, 2), in radians."""
-        return arrangement(self.inputs, self.angles)
-
-    def measured(
-        self, generator: Generator, replicates: int, angles: FloatArray
-    ) -> FloatArray:
-        """Return centroids with noise, shape (replicates, 3, n, 2), in px.
-
-        A mean of several draws has their noise divided by the root of their number.
-        """
-        cameras = instrument(self.inputs, self.translations)
+    def measured(angles: FloatArray) -> FloatArray:
         true = channel_centroids(cameras, angles)
-        sigma = noise(self.inputs) / np.sqrt(_DRAWS_AVERAGED[self.repeats])
-        factors = np.array(_NOISE_FACTORS[self.noise])[:, None, None]
         unit = generator.standard_normal((replicates, *true.shape[-3:]))
-        return true + sigma * factors * unit
+        return true + sigma * unit
 
-    def calibrated(self, generator: Generator, replicates: int) -> Registration:
-        """Return the calibrated transforms of red and blue, batch shape (replicates, 2).
+    return measured
 
-        A zero position that is not in an arrangement is measured in addition to its points.
-        """
-        angles, count = self.table, len(self.table)
-        if not _zero_positions(angles).size:
-            angles = np.vstack([angles, [[0.0, 0.0]]])
-        measured = self.measured(generator, replicates, angles)
-        return calibrated(measured, angles, count).transform
 
-    def tested(self, generator: Generator, replicates: int, tests: str) -> FloatArray:
-        """Return centroids of random test points, shape (replicates, 3, points, 2), in px."""
-        count = self.inputs.count("niu2024/text-simulation#test-points")
-        if tests == "range":
-            half = half_ranges(self.inputs)
-            directions = generator.uniform(-half, half, (replicates, count, 2))
-        else:
-            rows = np.tile(np.arange(len(self.table)), (replicates, 1))
-            directions = self.table[generator.permuted(rows, axis=1)[:, :count]]
-        return self.measured(generator, replicates, directions)
+def _calibrated(
+    measured: Callable[[FloatArray], FloatArray], table: FloatArray
+) -> Registration:
+    """Return the calibrated transforms of red and blue, batch shape (replicates, 2).
 
-    def printed(self) -> Registration:
-        """Return the transforms of Table 3 about the principal points of red and blue."""
-        cameras = instrument(self.inputs, self.translations)
-        pivots = np.stack([camera.principal_point for camera in cameras[1:]])
-        parameters = self.inputs.array("niu2024/table-3").reshape(4, 2).T
-        return Registration("similarity", parameters, pivots)
+    A zero position that is not in an arrangement is measured in addition to its points.
+    """
+    angles = table
+    if not _zero_positions(table).size:
+        angles = np.vstack([table, [[0.0, 0.0]]])
+    return calibrated(measured(angles), angles, len(table)).transform
+
+
+def _test_angles(
+    inputs: Inputs,
+    generator: Generator,
+    replicates: int,
+    table: FloatArray,
+    tests: str,
+) -> FloatArray:
+    """Return the angles of random test points, shape (replicates, points, 2), in radians."""
+    count = inputs.count("niu2024/text-simulation#test-points")
+    if tests == "range":
+        half = half_ranges(inputs)
+        return generator.uniform(-half, half, (replicates, count, 2))
+    rows = np.tile(np.arange(len(table)), (replicates, 1))
+    return table[generator.permuted(rows, axis=1)[:, :count]]
+
+
+def _printed(inputs: Inputs, translations: str) -> Registration:
+    """Return the transforms of Table 3 about the principal points of red and blue."""
+    _, *others = instrument(inputs, translations)
+    pivots = np.stack([camera.principal_point for camera in others])
+    parameters = inputs.array("niu2024/table-3").reshape(4, 2).T
+    return Registration("similarity", parameters, pivots)
 
 
 @reproduces(
@@ -261,8 +263,9 @@ def calibrated_parameters(
 
     Implements: niu2024 (14), (17), (18), (19), (20), (21), (22), (23), (24), (25).
     """
-    bench = _Bench(inputs, angles, noise, repeats, translations)
-    transforms = bench.calibrated(default_rng(seed), replicates)
+    generator = default_rng(seed)
+    measured = _measuring(inputs, generator, replicates, noise, repeats, translations)
+    transforms = _calibrated(measured, arrangement(inputs, angles))
     return by_cell("{1}.{0}", transforms.parameters, REGISTERED, ROWS)
 
 
@@ -294,18 +297,18 @@ def registration_rmse(
 
     Implements: niu2024 (17), (18), (26).
     """
-    bench = _Bench(inputs, angles, noise, repeats, translations)
-    generator = default_rng(seed)
+    generator, table = default_rng(seed), arrangement(inputs, angles)
+    measured = _measuring(inputs, generator, replicates, noise, repeats, translations)
     # The test points are drawn first: the RMSE before registration is then equal for every
     # calibration.
-    measured = bench.tested(generator, replicates, tests)
+    points = measured(_test_angles(inputs, generator, replicates, table, tests))
     if parameters == "table-3":
-        transforms = bench.printed()
+        transforms = _printed(inputs, translations)
     else:
-        transforms = bench.calibrated(generator, replicates)
-    before = measured[:, 1:]
+        transforms = _calibrated(measured, table)
+    before = points[:, 1:]
     both = np.stack([before, transforms.apply(before)], axis=1)
-    axes = np.moveaxis(rmse_per_axis(both, measured[:, None, :1]), -1, 0)
+    axes = np.moveaxis(rmse_per_axis(both, points[:, None, :1]), -1, 0)
     if rmse in {"x", "y"}:
         values = axes["xy".index(rmse)]
     else:
