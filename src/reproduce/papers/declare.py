@@ -160,8 +160,10 @@ class Computation(PaperFunction):
     @cached_property
     def readings(self) -> list[dict[str, str]]:
         """All readings, the literal one first: every combination of the alternatives."""
-        choices = product(*self.options.values())
-        return [dict(zip(self.options, names, strict=True)) for names in choices]
+        return [
+            dict(zip(self.options, names, strict=True))
+            for names in product(*self.options.values())
+        ]
 
     @property
     def literal(self) -> dict[str, str]:

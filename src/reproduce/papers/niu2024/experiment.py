@@ -90,8 +90,7 @@ def scale_factors(inputs: Inputs) -> Results:
 
     Implements: niu2024 (6).
     """
-    ratios = registration.scale_factors(inputs, _TABLE)
-    return by_cell("scale.{}", ratios, REGISTERED)
+    return by_cell("scale.{}", registration.scale_factors(inputs, _TABLE), REGISTERED)
 
 
 def instrument(inputs: Inputs, green: ArrayLike = 0.0) -> list[optics.Camera]:
@@ -138,13 +137,14 @@ def _registered_points(inputs: Inputs, angles: FloatArray) -> FloatArray:
     Shape (..., 3, n, 2), in px from the green principal point; channels green, red, blue.
     """
     green = optics.channel_centroids(instrument(inputs)[:1], angles)
-    scales, turns = (
-        inputs.array(f"{_TABLE}#scale.*"),
-        inputs.array(f"{_TABLE}#rotation.*"),
-    )
     # The principal point of the source is the shift, because green's is the origin here.
     shifts = translations(inputs, _TABLE)
-    back = Registration.similarity(scales, turns, shifts, shifts).inverse()
+    back = Registration.similarity(
+        inputs.array(f"{_TABLE}#scale.*"),
+        inputs.array(f"{_TABLE}#rotation.*"),
+        shifts,
+        shifts,
+    ).inverse()
     return np.concatenate([green, back.apply(green)], axis=-3)
 
 
@@ -297,8 +297,7 @@ def _draw_residuals(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     set_size(figure, 4.2, 4.6)
     axes, rows = figure.subplots(), -np.arange(4)
     for y, look, way in ((0.0, "C0s", "one axis"), (0.25, "C1o", "both axes")):
-        computation = rmse_before.with_options({"rmse": way.split()[0]})
-        results = computation(inputs).values()
+        results = rmse_before.with_options({"rmse": way.split()[0]})(inputs).values()
         plot_range(axes, rows - y, results, look, f"before, {way}")
     before, after = (
         printed.array(f"niu2024/text-experiment#rmse-{phase}-*")
@@ -308,7 +307,7 @@ def _draw_residuals(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     axes.hlines(above, after, before, colors="k", linewidth=0.8)
     axes.plot(before, above, "kD", label="printed before")
     axes.plot(after, above, "kD", mfc="none", label="printed after")
-    noise = rmse_after.function(inputs).values()
+    noise = rmse_after(inputs).values()
     axes.plot([*noise], above, "C2^", mfc="none", label="after, assumed noise")
     axes.axvline(1.0, c="k", ls=":", lw=1, label="one pixel")
     axes.set(xlabel="RMSE (px)", xlim=(0, None))

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
+from scipy.ndimage import maximum_position
 
 from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Rows, draws, studied
@@ -181,7 +182,7 @@ def _exposures(
     size = _WINDOW_PIXELS + 2 * _MARGIN_PIXELS
     corner = window_corners(spots[0], size).astype(np.float64)
     clean = spot_windows(spots, photons, RADIUS, corner, size)
-    repeated = np.broadcast_to(clean[:, None], (3, trials, size, size))
+    repeated = np.repeat(clean[:, None], trials, axis=1)
     return electrons(expose(repeated, SENSOR, generator), SENSOR), corner
 
 
@@ -193,16 +194,15 @@ def _combinations(
         [registered_image(window, transform, corner=corner) for window in layer]
         for layer, transform in zip(windows[1:], transforms, strict=True)
     ]
-    green, fused = windows[0], windows[0] + np.sum(moved, axis=0)
-    images = np.stack([green, windows.sum(axis=0), fused])
+    sums = windows.sum(axis=0), windows[0] + np.sum(moved, axis=0)
+    images = np.stack([windows[0], *sums])
     return images[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
 
 
 def _signal_to_noise(image: FloatArray) -> float:
     """Return mean over scatter of the flux in an aperture around the brightest pixel."""
     half = _SUMMED_PIXELS // 2
-    inner = image.mean(axis=0)[half:-half, half:-half]
-    y, x = np.unravel_index(inner.argmax(), inner.shape)
+    y, x = maximum_position(image.mean(axis=0)[half:-half, half:-half])
     sums = image[:, y : y + _SUMMED_PIXELS, x : x + _SUMMED_PIXELS].sum(axis=(-2, -1))
     return sums.mean() / sums.std(ddof=1)
 
