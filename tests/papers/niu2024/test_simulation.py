@@ -24,6 +24,12 @@ def run(computation, replicates, **choices):
     )
 
 
+def test_printed_parameters_stay_when_an_input_changes():
+    change = {"niu2024/table-2#rotation.red": "0.09°"}
+    panel = Figure("niu2024/drawing-table-3", change).compute().axes[2]
+    assert panel.lines[6].get_xydata()[0] == pytest.approx((0.0698, 2))
+
+
 def generator():
     return np.random.default_rng(99)
 

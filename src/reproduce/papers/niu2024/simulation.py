@@ -340,7 +340,8 @@ _AGREEING = ("none agrees", "one agrees", "both agree")
 
 @draws(
     "niu2024/drawing-table-3",
-    inputs=(*INPUTS, "niu2024/table-2#*", "niu2024/table-3#*"),
+    inputs=(*INPUTS, "niu2024/table-2#*"),
+    marks=["niu2024/table-3#*"],
     random=True,
 )
 def _draw_parameters(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
@@ -353,8 +354,8 @@ def _draw_parameters(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     }
     for axes, (row, channel) in zip(grid, product(ROWS, REGISTERED), strict=True):
         name, (sign, unit) = f"{row}.{channel}", _UNITS.get(row, (" (px)", 1.0))
-        value = inputs[f"niu2024/table-3#{name}"] / unit
-        half, agreeing = inputs.half_unit(f"niu2024/table-3#{name}") / unit, 0
+        value = printed[f"niu2024/table-3#{name}"] / unit
+        half, agreeing = printed.half_unit(f"niu2024/table-3#{name}") / unit, 0
         for y, (look, results) in enumerate(predicted.items()):
             ends = plot_range(axes, [y], [results[name]], look, unit=unit)
             agreeing += bool(ends[0] - half <= value <= ends[2] + half)
