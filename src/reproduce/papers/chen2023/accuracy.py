@@ -34,7 +34,7 @@ from reproduce.papers.declare import (
 )
 from reproduce.physics.attitude import averaged_error, scatter_of_averages
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.inputs import Inputs
+from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
@@ -45,6 +45,8 @@ SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 DURATION = "chen2023/text-accuracy#duration"
 _RATE = "chen2023/text-accuracy#frame-rate"
 COUNTS = "chen2023/table-4#*.frames"
+# A row has the name of its printed number of frames, also if the number is changed.
+_ROWS = load_inputs([COUNTS]).array(COUNTS).astype(int)
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 INPUTS = (*INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
 # Floor of the dotted line in the figure, three sigma: the bound of the paper on its differences.
@@ -64,16 +66,7 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
     """
     counts = [int(count) for count in inputs.array(COUNTS)]
     draws = _simulated_accuracies(inputs, seed, replicates, counts)
-    return by_cell("{2}.{0}-{1}", draws, _MATRICES, "xy", _rows(inputs))
-
-
-def _rows(inputs: Inputs) -> list[str]:
-    """Return the names of the rows, which stay if a number of frames is changed."""
-    return [
-        address.removesuffix(".frames").partition("#")[2]
-        for address in inputs.cells
-        if address.endswith(".frames")
-    ]
+    return by_cell("{2}.{0}-{1}", draws, _MATRICES, "xy", _ROWS)
 
 
 def _simulated_accuracies(
@@ -155,7 +148,7 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     panels = two_panels(figure, 3.8, 5.8, "printed over predicted (ratio)")
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):
         for axis, look, shift in (("x", "C0o", 0.92), ("y", "C1s", 1.08)):
-            cells = (predicted[f"{row}.{matrix}-{axis}"] for row in _rows(inputs))
+            cells = (predicted[f"{row}.{matrix}-{axis}"] for row in _ROWS)
             low, median, high = central_range(cells)
             values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift

@@ -126,15 +126,6 @@ def table_angle(inputs: Inputs) -> Results:
     return {"table-angle": np.arcsin(sine)}
 
 
-def _reported(design: Platform, rest: FloatArray, moved: FloatArray) -> FloatArray:
-    """Return the rotation of the camera that the system reports for spots of many rays.
-
-    Angles about X, Y and Z of the camera, shape (3,), in radians.
-    """
-    zero, now = (spots.mean(axis=1) for spots in (rest, moved))
-    return design.misalignment(now, design.transform(zero))
-
-
 @studied(
     "chen2023/retro-reflectors",
     inputs=(
@@ -158,16 +149,18 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
         design = replace(
             platform, lasers=platform.lasers * [1, -1 if is_mirrored else 1]
         )
-        rest, responses = traced(), list[float]()
-        for turn in turns:
-            x, y, z = _reported(design, rest, traced(turn=turn))
-            responses += [np.hypot(x, y), abs(z)]
-        tilted = traced(camera_turn=turns[0])
-        responses.append(abs(_reported(design, rest, tilted)[2]))
-        offsets = rest - rest.mean(axis=1, keepdims=True)
-        blur = np.linalg.norm(offsets, axis=-1).max()
+        rest = traced()
+        centres = rest.mean(axis=1)
+        # The last rotation is a rotation of the camera.
+        moved = [*(traced(turn=turn) for turn in turns), traced(camera_turn=turns[0])]
+        reported = design.misalignment(
+            np.mean(moved, axis=2), design.transform(centres)
+        )
+        x, y, roll = np.abs(reported).T / _TEST_ROTATION
+        responses = np.stack([np.hypot(x, y), roll], axis=-1)[:3]
+        blur = np.linalg.norm(rest - centres[:, None], axis=-1).max()
         image = "mirrored" if is_mirrored else "upright"
-        yield (kind, *(np.array(responses) / _TEST_ROTATION), blur, image)
+        yield (kind, *responses.ravel(), roll[3], blur, image)
 
 
 @studied(
