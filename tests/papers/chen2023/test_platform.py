@@ -59,7 +59,7 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
 
 @pytest.fixture(scope="module")
 def platform():
-    return platform_twin.bench(INPUTS)
+    return platform_twin.SimulatedBench(INPUTS)
 
 
 @pytest.fixture(scope="module")

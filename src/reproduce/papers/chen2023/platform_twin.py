@@ -18,7 +18,6 @@ results, are:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
@@ -53,7 +52,6 @@ from reproduce.papers.chen2023.platform import (
 from reproduce.papers.chen2023.resolution import SPOT_RADIUS
 from reproduce.papers.declare import draws, seed_of
 from reproduce.physics.attitude import (
-    Platform,
     mean_rotation,
     misalignment_angles,
     moving_average,
@@ -86,9 +84,8 @@ INPUTS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class _SimulatedBench:
-    """The simulated ground platform.
+class SimulatedBench:
+    """The simulated ground platform of the printed numbers.
 
     Attributes
     ----------
@@ -104,11 +101,17 @@ class _SimulatedBench:
         Width of the window around a spot, in px.
     """
 
-    design: Platform
-    spots: FloatArray
-    flux: FloatArray
-    radius: float
-    window: int
+    def __init__(self, inputs: Inputs) -> None:
+        self.design, self.window = as_designed(inputs), inputs.count(_WINDOW)
+        self.radius = inputs[SPOT_RADIUS] / inputs[PIXEL]
+        printed = self.design.spots
+        corners = window_corners(printed, self.window)
+        # Photon variance is proportional to the inverse of the flux.
+        bias, variance = centre_of_gravity_error(
+            printed, 1.0, self.radius, corners, self.window
+        )
+        target = [(scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
+        self.spots, self.flux = printed - bias, variance.mean(axis=-1) / target
 
     def rotated(self, angles: ArrayLike) -> FloatArray:
         """Return the spots after a rotation of the camera by angles of shape (..., 3)."""
@@ -137,23 +140,11 @@ class _SimulatedBench:
         laser transform of the first group, in the frame of the camera, and the misalignment of
         the second group against the zero point of the first.
         """
-        spots = self.centroids(self.spots[None], self.flux[:, None], frames, generator)
+        spots = self.centroids(self.spots, self.flux[:, None], frames, generator)
         single = self.design.transform(spots[0])
         zero = mean_rotation(single)
         errors = misalignment_angles(single.mT @ zero)
         return spots, np.stack([errors, self.design.misalignment(spots[1], zero)])
-
-
-def bench(inputs: Inputs) -> _SimulatedBench:
-    """Return the simulated bench of the printed numbers."""
-    design, window = as_designed(inputs), inputs.count(_WINDOW)
-    radius = inputs[SPOT_RADIUS] / inputs[PIXEL]
-    corners = window_corners(design.spots, window)
-    # Photon variance is proportional to the inverse of the flux.
-    bias, variance = centre_of_gravity_error(design.spots, 1.0, radius, corners, window)
-    target = [(scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
-    flux = variance.mean(axis=-1) / target
-    return _SimulatedBench(design, design.spots - bias, flux, radius, window)
 
 
 # Direction towards Orion, a well-known constellation: right ascension, declination, and rotation
@@ -200,7 +191,7 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 def _groups(inputs: Inputs) -> FloatArray:
     """Return the angles of the two groups of frames in Figures 8 and 9, in arcsec."""
     generator = default_rng(seed_of("chen2023/fig-8", inputs.root))
-    _, angles = bench(inputs).two_groups(inputs.count(FRAMES), generator)
+    _, angles = SimulatedBench(inputs).two_groups(inputs.count(FRAMES), generator)
     return angles * ARCSEC_PER_RADIAN
 
 
@@ -216,7 +207,7 @@ def _stage_test(
     """
     import pandas as pd
 
-    twin, frames = bench(inputs), inputs.count(FRAMES_PER_STATE)
+    twin, frames = SimulatedBench(inputs), inputs.count(FRAMES_PER_STATE)
     # A motion along one axis rotates the camera about the other; the printed signs are kept.
     motions = stage_motions(inputs)[:, ::-1]
     length = telescope_length(inputs, "motions", telescope)
@@ -236,7 +227,10 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the images of the four laser spots in the tracker, at the printed positions."""
     from matplotlib.patches import Rectangle
 
-    twin, generator = bench(inputs), default_rng(seed_of("chen2023/fig-7", inputs.root))
+    twin, generator = (
+        SimulatedBench(inputs),
+        default_rng(seed_of("chen2023/fig-7", inputs.root)),
+    )
     corners, inner = (
         window_corners(twin.spots, size) for size in (_SHOWN_PX, twin.window)
     )
@@ -250,8 +244,8 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     for number, (axes, centre, (left, top), start, flux) in enumerate(shown, start=1):
         extent = (left, left + _SHOWN_PX, top + _SHOWN_PX, top)
         image = axes.imshow(flux, "gray", extent=extent, vmin=0.0, vmax=seen.max())
-        window = Rectangle(start, twin.window, twin.window, fill=False, ec="C5")
-        axes.add_patch(window).set_label("window of the centroid")
+        label, width = "window of the centroid", twin.window
+        axes.add_patch(Rectangle(start, width, width, fill=False, ec="C5", label=label))
         axes.plot(*centre, "C1+", markersize=14, mew=2, label="printed centroid")
         axes.grid(visible=False)
         axes.set(
@@ -306,8 +300,7 @@ def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
     positions = pairs(printed, "*.position") * 1e6
     axes = figure.add_subplot()
-    axes.plot(*positions.T, "--", linewidth=1)
-    axes.plot(*positions.T, "C1^", markersize=8)
+    axes.plot(*positions.T, "C1^--", linewidth=1, markersize=8)
     for state, (x, y) in enumerate(positions, start=1):
         axes.annotate(f"state {state}", (x + 3.5, y - 4.0), fontsize=9)
     axes.set(
