@@ -6,7 +6,7 @@ floor is a sum over a grid.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,10 +39,13 @@ _FRAME_INPUTS = (
     FRAMES,
     FRAMES_PER_STATE,
 )
-_SHOWN_COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
+_SHOWN_COUNTS = np.array([1, 4, 16, 25, 49, 100, 400, 1000])
 # Nodes of the grid in each direction, and its bounds as fractions of the scatter of one frame. The
 # posterior vanishes beyond them.
 _GRID_NODES, _WHITE_BOUNDS, _FLOOR_BOUNDS = 160, (0.85, 1.18), (0.0, 0.3)
+
+# Low end, median and high end of values with weights along the last axis.
+_quantiles = partial(np.quantile, q=LEVELS, axis=-1, method="inverted_cdf")
 
 
 @cache
@@ -59,18 +62,11 @@ def _noise(inputs: Inputs, axis: str) -> tuple[FloatArray, FloatArray, FloatArra
     return white, floor, softmax(logs)
 
 
-def _quantiles(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return low end, median and high end of values with weights, (3,)."""
-    order = np.argsort(values)
-    weights = weights[order]
-    return np.interp(LEVELS, np.cumsum(weights) - weights / 2, values[order])
-
-
 def _averages(inputs: Inputs, axis: str, counts: FloatArray) -> FloatArray:
     """Return low end, median and high end of the error of averages, (3, n), in arcsec."""
     white, floor, weights = _noise(inputs, axis)
-    errors = (_quantiles(averaged_error(n, white, floor), weights) for n in counts)
-    return np.stack([*errors], axis=-1) * ARCSEC_PER_RADIAN
+    errors = averaged_error(counts[:, None], white, floor)
+    return _quantiles(errors, weights=weights) * ARCSEC_PER_RADIAN
 
 
 def _frame_facts(inputs: Inputs) -> dict[str, float]:
@@ -78,7 +74,7 @@ def _frame_facts(inputs: Inputs) -> dict[str, float]:
     knees = {}
     for axis in "xy":
         white, floor, weights = _noise(inputs, axis)
-        knees[f"knee-{axis}"] = _quantiles(np.square(white / floor), weights)[0]
+        knees[f"knee-{axis}"] = _quantiles((white / floor) ** 2, weights=weights)[0]
     state, (white, _, weights) = inputs.count(FRAMES_PER_STATE), _noise(inputs, "x")
     return {
         **knees,
@@ -92,9 +88,8 @@ def _frame_facts(inputs: Inputs) -> dict[str, float]:
 @studied("chen2023/frames", inputs=_FRAME_INPUTS, named=_frame_facts)
 def _frames(inputs: Inputs) -> Rows:
     """Compute the error of averages over several numbers of frames."""
-    counts = np.array(_SHOWN_COUNTS)
-    columns = [_averages(inputs, axis, counts)[[1, 0, 2]] for axis in "xy"]
-    yield from zip(_SHOWN_COUNTS, *np.concatenate(columns).tolist(), strict=True)
+    columns = [_averages(inputs, axis, _SHOWN_COUNTS)[[1, 0, 2]] for axis in "xy"]
+    yield from zip(_SHOWN_COUNTS, *np.concatenate(columns), strict=True)
 
 
 @draws("chen2023/drawing-frames", inputs=_FRAME_INPUTS, marks=_MARKS)
