@@ -66,8 +66,7 @@ def test_the_budget_by_formula_and_by_draws_agree(look):
 
 def test_at_nadir_an_angle_is_worth_the_altitude():
     found = circular_error(COVARIANCES["attitude of the tracker, at its limit"][0])
-    # Geodetic up and the radius part by a fifth of a degree: a few parts in a million.
-    assert found == pytest.approx(2.14597 * 500e3 * ARCSEC / 3, rel=2e-3)
+    assert found == pytest.approx(2.14597 * 500e3 * ARCSEC / 3, rel=1e-5)
     facts = positioning._budget.facts()
     assert facts["tracker"].value == pytest.approx(found)
     assert facts["total"].value > facts["tracker"].value

@@ -95,12 +95,6 @@ def _angles(inputs: Inputs) -> tuple[FloatArray, FloatArray]:
     return pairs(inputs, "[2-5].monitoring"), pairs(inputs, "[2-5].reference")
 
 
-def _travel(inputs: Inputs, axis: str) -> float:
-    """Return the difference between the last and the first position along an axis."""
-    first, *_, last = inputs.array(f"chen2023/table-5#*.position-{axis}")
-    return last - first
-
-
 @reproduces(
     "chen2023/table-5", cells=["*.motion-?"], inputs=["chen2023/table-5#*.position-?"]
 )
@@ -113,8 +107,8 @@ def telescope_length(inputs: Inputs, columns: str, telescope: str) -> float:
     """Return the focal length of the telescope in metres under a reading."""
     if telescope == "common":
         # (10) relates the last angle about Y to a motion.
-        travel = _travel(inputs, "x" if columns == "printed" else "y")
-        return -travel / np.tan(inputs[LAST])
+        x, y = stage_motions(inputs)[-1]
+        return -(x if columns == "printed" else y) / np.tan(inputs[LAST])
     return inputs[{"quoted": _QUOTED, "nominal": TELESCOPE}[telescope]]
 
 
@@ -157,7 +151,8 @@ def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Res
 
     Implements: chen2023 (10).
     """
-    motion = _travel(inputs, "y")
+    first, *_, last = inputs.array("chen2023/table-5#*.position-y")
+    motion = last - first
     if columns == "printed":
         motion = inputs["chen2023/table-5#5.motion-x"]
     length = telescope_length(inputs, columns, telescope)

@@ -14,7 +14,7 @@ from reproduce.papers.chen2023.accuracy import SMOOTHED
 from reproduce.papers.chen2023.platform import INSTRUMENT, SIGMAS, angle_sigma
 from reproduce.papers.chen2023.satellite import CAMERA, CAMERA_FOCAL_LENGTH, altitude
 from reproduce.papers.declare import Results, Rows, by_cell, reproduces, studied
-from reproduce.physics.attitude import rotation_from_vector, unit
+from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.ground import (
     circular_error,
     ground_jacobian,
@@ -79,13 +79,12 @@ def _look(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return image vector, position and rotation of the satellite at a middle latitude."""
     height, focal = altitude(inputs), inputs[CAMERA_FOCAL_LENGTH]
-    position = erfa.gd2gc(erfa.WGS84, 0.5, 0.8, height)
-    # X along a flight to the north, Z to the centre of the Earth.
-    east = unit("position", np.cross([0.0, 0.0, 1.0], position))
-    down = -unit("position", position)
-    at_rest = np.stack([np.cross(east, down), east, down], axis=-1)
+    below = erfa.gd2gc(erfa.WGS84, 0.5, 0.8, 0.0)
+    # X along a flight to the north, Z down.
+    east, north, up = local_axes(below)
+    at_rest = np.stack([north, east, -up], axis=-1)
     chain = at_rest @ rotation_from_vector([np.radians(tilt), 0.0, 0.0])
-    return np.array([[off / height * focal, 0.0, -focal]]), position, chain
+    return np.array([[off / height * focal, 0.0, -focal]]), below + height * up, chain
 
 
 def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
