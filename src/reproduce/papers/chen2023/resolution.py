@@ -208,10 +208,10 @@ def _setting(
     phases = (np.arange(count) + 0.5) / count - 0.5
     radii = sigma / (_resolutions(inputs) * inputs[TRACKER_FOCAL_LENGTH])
     return _Setting(
-        np.stack([phases, 0.0 * phases], axis=-1),
+        np.outer(phases, [1.0, 0.0]),
         flux_factor * flux,
         radii[:, None],
-        np.full(2, -float(size // 2)),
+        np.full(2, -(size // 2.0)),
         size,
         read,
     )
@@ -296,10 +296,12 @@ def terms(inputs: Inputs) -> dict[str, FloatArray]:
 )
 def _draw_centroids(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the centroiding accuracy against the angular resolution of the tracker."""
-    line = printed[_OPTIMUM], "printed optimum"
-    axes = _draw_radii(figure, inputs, 1.0, np.argmin, line)
+    axes = _draw_radii(figure, inputs, 1.0, np.argmin)
+    best = printed[_OPTIMUM] * ARCSEC_PER_RADIAN
+    axes.axvline(best, color="k", lw=1, label="printed optimum")
     axes.axhline(printed[_ACCURACY], color="k", lw=1)
     axes.set(ylabel="centroid error (1σ, px)", ylim=(0.008, 0.1))
+    legend_below(figure, 3)
 
 
 @draws("chen2023/fig-11b", inputs=INPUTS, marks=[_SATURATION])
@@ -308,9 +310,11 @@ def _draw_monitoring(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     angles = _resolutions(inputs) * ARCSEC_PER_RADIAN
     scale = attitude_accuracy(1.0, inputs.count(_LASERS), angles)
     limit = partial(_saturation, gain=3.0 * _relative_error(inputs))
-    line = printed[_SATURATION], "printed limit"
-    axes = _draw_radii(figure, inputs, scale, limit, line)
+    axes = _draw_radii(figure, inputs, scale, limit)
+    finest = printed[_SATURATION] * ARCSEC_PER_RADIAN
+    axes.axvline(finest, color="k", lw=1, label="printed limit")
     axes.set(ylabel="monitoring error (1σ, arcsec)", ylim=(0.25, 4))
+    legend_below(figure, 3)
 
 
 def _draw_radii(
@@ -318,17 +322,13 @@ def _draw_radii(
     inputs: Inputs,
     scale: FloatArray | float,
     marked: Callable[[FloatArray], Any],
-    line: tuple[float, str],
 ) -> Axes:
     """Draw the error for each meaning of the radius, with one marked point; return the axes."""
     errors = {}
     for name, width in _WIDTHS.items():
         label = _RADII[name].text.removeprefix("radius: ").removesuffix(" of the spot")
         errors[label] = _total(*_predicted(_setting(inputs, width))) * scale
-    axes = _draw_curves(figure, inputs, errors, marked)
-    axes.axvline(line[0] * ARCSEC_PER_RADIAN, color="k", lw=1, label=line[1])
-    legend_below(figure, 3)
-    return axes
+    return _draw_curves(figure, inputs, errors, marked)
 
 
 def _draw_curves(

@@ -1,7 +1,6 @@
 """Attitude: rotations, Wahba's problem, and the misalignment of a camera from lasers."""
 
 from reproduce.physics.attitude.angles import (
-    angle_jacobian,
     inertial_attitude,
     laser_transform,
     misalignment,
@@ -27,7 +26,6 @@ from reproduce.physics.attitude.platform import (
     Platform,
     emitted_directions,
     received_directions,
-    received_jacobian,
     received_spots,
 )
 from reproduce.physics.attitude.rotations import (

@@ -23,11 +23,9 @@ every beam by atan(L / f).
 
 from __future__ import annotations
 
-from typing import Annotated, Any
-
 import numpy as np
 
-from reproduce.physics.attitude.rotations import attitude, unit, vector_from_rotation
+from reproduce.physics.attitude.rotations import attitude, vector_from_rotation
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
@@ -37,10 +35,7 @@ from reproduce.physics.validate import (
     Rotation,
     Weights,
     checked,
-    weights_for,
 )
-
-_Moves = Annotated[Any, ("n", 3, None)]
 
 
 @checked
@@ -146,56 +141,6 @@ def misalignment_angles(camera_now_from_camera_zero: Rotation) -> FloatArray:
     array([0. , 0. , 0.5])
     """
     return vector_from_rotation(camera_now_from_camera_zero.mT)
-
-
-@checked
-def angle_jacobian(
-    camera_directions: Directions,
-    tracker_directions: Directions,
-    direction_jacobian: _Moves,
-    weights: Weights = None,
-) -> FloatArray:
-    """Return the derivative of the misalignment angles by each spot.
-
-    At the optimum, sum w b × v is zero, with b the tracker direction in the frame of the camera.
-    Its derivative gives theta = H^-1 sum w v × db, with the stiffness H = trace(P) I - P and
-    P = sum w v b^T. Errors are those of `laser_transform`.
-
-    Parameters
-    ----------
-    camera_directions, tracker_directions : array_like, shape (..., n, 3)
-        Emitted and received directions at the point of differentiation.
-    direction_jacobian : array_like, shape (..., n, 3, k)
-        Derivative of each tracker direction by k parameters, such as `received_jacobian`.
-    weights : array_like, shape (..., n), optional
-        Relative weights. Default: all 1.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, n, k)
-        Derivative of (theta_X, theta_Y, theta_Z), in radians per unit of the parameters.
-
-    Examples
-    --------
-    Two directions along X and Y determine the rotation about Z with equal weights. A tracker
-    direction that moves from X towards Y is a rotation of the camera about Z.
-
-    >>> moves = np.zeros((2, 3, 1))
-    >>> moves[0, 1, 0] = 1.0
-    >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
-    array([0. , 0. , 0.5])
-    """
-    camera_from_tracker = attitude(camera_directions, tracker_directions, weights)
-    relative = weights_for(weights, camera_directions.shape[-2])
-    camera = relative[..., None] * unit("camera_directions", camera_directions)
-    carried = unit("tracker_directions", tracker_directions) @ camera_from_tracker.mT
-    product = camera.mT @ carried
-    trace = np.trace(product, axis1=-2, axis2=-1)[..., None, None]
-    stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
-    moved = camera_from_tracker[..., None, :, :] @ direction_jacobian
-    torque = np.cross(camera[..., None, :], moved.mT)
-    # The stiffness is symmetric, so rows times its inverse are the rotations.
-    return np.moveaxis(torque @ np.linalg.inv(stiffness)[..., None, :, :], -1, -3)
 
 
 @checked

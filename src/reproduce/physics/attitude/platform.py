@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude.angles import (
-    angle_jacobian,
     laser_transform,
     misalignment,
     misalignment_angles,
 )
-from reproduce.physics.attitude.rotations import rotation_from_vector, unit
+from reproduce.physics.attitude.rotations import attitude, rotation_from_vector, unit
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
@@ -38,6 +37,7 @@ from reproduce.physics.validate import (
     checked,
     checked_fields,
     valid,
+    weights_for,
 )
 
 
@@ -134,33 +134,6 @@ def received_spots(
     """
     pixels = (focal_length / pixel_pitch)[..., None, None]
     return principal_point[..., None, :] - pixels * _slopes(directions)
-
-
-@checked
-def received_jacobian(
-    spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
-) -> FloatArray:
-    """Return the derivative of a received direction by its spot.
-
-    Parameters are those of `received_directions`.
-
-    Returns
-    -------
-    ndarray, shape (..., n, 3, 2)
-        Derivative of each tracker direction by (x, y) of its spot, in 1/px.
-
-    Examples
-    --------
-    At the boresight, it is minus the pitch over the focal length.
-
-    >>> float(received_jacobian([[0, 0]], (0, 0), pixel_pitch=1.0, focal_length=4.0)[0, 0, 0])
-    -0.25
-    """
-    scale = pixel_pitch / focal_length
-    directions = unit("spots", _rays(spots, principal_point, scale))[..., None]
-    # Only the motion across the ray changes the direction. The ray ends at unit depth.
-    across = np.eye(3, 2) - directions * directions[..., :2, :].mT
-    return -scale[..., None, None, None] * directions[..., 2:, :] * across
 
 
 def _rays(points: FloatArray, centre: FloatArray, scale: FloatArray) -> FloatArray:
@@ -359,9 +332,26 @@ class Platform:
     def response(
         self, spots: ArrayLike, weights: ArrayLike | None = None
     ) -> FloatArray:
-        """Return the derivative of the misalignment angles by spots, (..., 3, n, 2), per px."""
-        moves = received_jacobian(spots, *self.tracker)
-        return angle_jacobian(self.directions, self.seen(spots), moves, weights)
+        """Return the derivative of the misalignment angles by spots, (..., 3, n, 2), per px.
+
+        At the optimum, sum w b × v is zero, with v the emitted direction, and b the received
+        direction in the frame of the camera. Its derivative gives theta = H^-1 sum w v × db, with
+        the stiffness H = trace(P) I - P and P = sum w v b^T.
+        """
+        seen = self.seen(spots)
+        camera_from_tracker = attitude(self.directions, seen, weights)
+        relative = weights_for(weights, len(self.lasers))
+        emitted = relative[..., None] * self.directions
+        product = emitted.mT @ (seen @ camera_from_tracker.mT)
+        trace = np.trace(product, axis1=-2, axis2=-1)[..., None, None]
+        stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
+        # Only the motion across the ray changes the direction. The ray ends at unit depth.
+        rays = seen[..., None]
+        across = np.eye(3, 2) - rays * rays[..., :2, :].mT
+        moved = camera_from_tracker[..., None, :, :] @ (rays[..., 2:, :] * across)
+        torque = np.cross(emitted[..., None, :], moved.mT) / -self.pixels
+        # The stiffness is symmetric, so rows times its inverse are the rotations.
+        return np.moveaxis(torque @ np.linalg.inv(stiffness)[..., None, :, :], -1, -3)
 
     def predicted(
         self, mount: FloatArray, turn: FloatArray, lasers: FloatArray | None = None
