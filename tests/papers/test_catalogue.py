@@ -15,6 +15,15 @@ COMPUTATIONS = [made for key in ITEMS for made in computations(key)]
 STUDIES = [study(key) for key in catalogue("studies")]
 
 
+def test_tables_contain_no_rounding_noise():
+    for one in STUDIES:
+        frame = one(load_inputs(one.inputs)).drop(
+            columns="Probability", errors="ignore"
+        )
+        sizes = frame.select_dtypes("number").abs()
+        assert not ((sizes > 0) & (sizes < 1e-9)).any(axis=None), one.key
+
+
 def test_every_printed_file_is_an_item():
     assert set(library()) <= set(ITEMS)
     figures = set(ITEMS) - set(library())

