@@ -48,8 +48,7 @@ def spot_table(noise=0.02, flip=1, drift=(0, 0)):
     generator, rows = np.random.default_rng(3), []
     for group, angles in enumerate(([0, 0, 0], [20, -20, 0])):
         angles = np.outer(np.linspace(-0.5, 0.5, 50), [drift[group], 0, 0]) + angles
-        angles = angles[None] / ARCSEC_PER_RADIAN
-        (places,) = platform.predicted(np.zeros((1, 3)), angles)
+        places = platform.predicted(angles / ARCSEC_PER_RADIAN)
         places = places + noise * generator.normal(size=places.shape)
         lights = (light for image in places for light in enumerate(image, start=1))
         rows += [(group, laser, flip * x, y) for laser, (x, y) in lights]

@@ -23,7 +23,7 @@ def images(platform, drift, frames):
     generator, zero, groups = np.random.default_rng(3), np.zeros(3), []
     for first, last in ((zero, zero), (TURN - drift / 2, TURN + drift / 2)):
         path = first + np.linspace(0, 1, frames)[:, None] * (last - first)
-        true = platform.predicted(np.zeros((frames, 3)), path[:, None])[:, 0]
+        true = platform.predicted(path)
         groups.append(true + NOISE * generator.normal(size=true.shape))
     return groups
 

@@ -211,7 +211,7 @@ def test_a_posterior_is_sampled_on_first_use_and_rerun_with_a_seed():
 def images_of(design, angles, count=20, noise=0.02, seed=5):
     """Return images of the lights for a rotated camera: (count, lights, 2)."""
     angles = np.broadcast_to(np.asarray(angles) / ARCSEC_PER_RADIAN, (count, 3))
-    spots = design.predicted(np.zeros((1, 3)), angles[None])[0]
+    spots = design.predicted(angles)
     return spots + noise * np.random.default_rng(seed).normal(size=spots.shape)
 
 

@@ -38,7 +38,7 @@ def drawn(platform, frames, rng, correlation=0.0):
     """Images at the zero point and at the present, each of shape (frames, n, 2)."""
     groups = []
     for turn in (0 * TURN, TURN):
-        spots = platform.predicted(np.zeros((1, 3)), turn[None, None])[0, 0]
+        spots = platform.predicted(turn)
         groups.append(spots + NOISE * noise(rng, (frames, *spots.shape), correlation))
     return groups
 
@@ -326,7 +326,7 @@ def test_what_is_no_platform_is_refused():
 
 
 def test_a_platform_is_the_same_however_its_lights_are_known():
-    spots = SQUARE.predicted(np.zeros((1, 3)), np.zeros((1, 1, 3)))[0, 0]
+    spots = SQUARE.predicted(np.zeros(3))
     rays = np.column_stack([-CORNERS, np.full(4, 2.0)])
     by_rays = Platform.of_directions(7 * rays, 0.06, 13e-6, CENTRE)
     assert_allclose(by_rays.directions, SQUARE.directions, atol=1e-15)

@@ -37,7 +37,7 @@ def platform(lasers):
 def drawn(design, frames, turn, share, jitter, rng):
     """Spots of lights that sit by a pixel or so off their design, some lost."""
     off = default_rng(0).normal(0, 1, design.spots.shape)
-    spots = off + design.predicted(np.zeros((1, 3)), turn[None, None])[0, 0]
+    spots = off + design.predicted(turn)
     images = spots + rng.normal(0, NOISE, (frames, *spots.shape))
     images += rng.normal(0, jitter, (frames, 1, 2))
     lost = rng.random((frames, len(spots))) < share

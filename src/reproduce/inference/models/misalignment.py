@@ -107,13 +107,13 @@ class SpotLikelihood(Likelihood):
 
     def predicted(self, parameters: FloatArray) -> FloatArray:
         """Return predicted means and slopes of the spots, (n, 2, groups, lasers, 2), in px."""
-        mount, angle = parameters[:, :3], parameters[:, 3:6]
-        lasers = parameters[:, -2, None, None] * self.platform.lasers
+        mount, angle = parameters[:, None, :3], parameters[:, 3:6]
+        lasers = parameters[:, -2, None, None, None] * self.platform.lasers
         turns = [0 * angle, angle]
         if self.drifts:
             half = 0.5 * parameters[:, 6:9]
             turns = [0 * angle, angle - half, angle + half]
-        spots = self.platform.predicted(mount, np.stack(turns, axis=1), lasers)
+        spots = self.platform.predicted(np.stack(turns, axis=1), mount, lasers)
         zero, start, end = spots[:, 0], spots[:, 1], spots[:, -1]
         means = np.stack([zero, 0.5 * (start + end)], axis=1)
         slopes = np.stack([0 * zero, 0.5 * (end - start)], axis=1)

@@ -78,7 +78,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     groups = []
     for first, last in ((zero, zero), (_TRUTH - half, _TRUTH + half)):
         angles = np.linspace(first, last, frames)
-        true = design.predicted(np.zeros((frames, 3)), angles[:, None], lasers)[:, 0]
+        true = design.predicted(angles, lasers=lasers)
         groups.append(true + noise * generator.normal(size=true.shape))
     names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in AXES)
     truth = zip(names, np.append(_TRUTH, _DRIFT).tolist(), strict=True)

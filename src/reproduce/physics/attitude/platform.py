@@ -354,19 +354,21 @@ class Platform:
         return np.moveaxis(torque @ np.linalg.inv(stiffness)[..., None, :, :], -1, -3)
 
     def predicted(
-        self, mount: FloatArray, turn: FloatArray, lasers: FloatArray | None = None
+        self,
+        turn: ArrayLike,
+        mount: ArrayLike = (0.0, 0.0, 0.0),
+        lasers: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the expected spots, shape (n, groups, lasers, 2), in px.
+        """Return the expected spots, shape (..., lasers, 2), in px.
 
-        The mount, (n, 3), is the rotation vector of the zero attitude against `reference`, in the
-        camera frame. The turn, (n, groups, 3), contains the misalignment angles since the zero
-        point. Lasers, (lasers, 2) or (n, lasers, 2), are in metres. Default: as designed.
+        The turn, (..., 3), contains the misalignment angles since the zero point. The mount,
+        (..., 3), is the rotation vector of the zero attitude against `reference`, in the camera
+        frame. Lasers, (..., lasers, 2), are in metres. Default: as designed.
         """
         points = self.lasers if lasers is None else lasers
         rays = np.insert(-points, 2, self.camera_focal_length, axis=-1)
         zero = self.reference @ rotation_from_vector(mount)
         # (6): light passes through the inverse rotation of the camera.
-        now = zero[:, None] @ rotation_from_vector(turn)
-        arriving = rays[..., None, :, :] @ now.mT
+        arriving = rays @ (zero @ rotation_from_vector(turn)).mT
         slopes = arriving[..., :2] / arriving[..., 2:]
         return self.principal_point - slopes * self.pixels
