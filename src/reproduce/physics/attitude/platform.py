@@ -70,7 +70,8 @@ def emitted_directions(
     >>> emitted_directions([[3.0, 0.0]], focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    return unit("points", _rays(points, principal_point, 1 / focal_length))
+    # (2) is (3) for positions in metres.
+    return received_directions(points, principal_point, 1.0, focal_length)
 
 
 @checked
@@ -102,7 +103,9 @@ def received_directions(
     >>> received_directions([[13.0, 10.0]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    return unit("spots", _rays(spots, principal_point, pixel_pitch / focal_length))
+    scale = (pixel_pitch / focal_length)[..., None, None]
+    slopes = (principal_point[..., None, :] - spots) * scale
+    return unit("spots", np.insert(slopes, 2, 1.0, axis=-1))
 
 
 @checked
@@ -134,12 +137,6 @@ def received_spots(
     """
     pixels = (focal_length / pixel_pitch)[..., None, None]
     return principal_point[..., None, :] - pixels * _slopes(directions)
-
-
-def _rays(points: FloatArray, centre: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return the rays of inverted points, at unit depth; `scale` is one over a focal length."""
-    slopes = (centre[..., None, :] - points) * scale[..., None, None]
-    return np.insert(slopes, 2, 1.0, axis=-1)
 
 
 def _slopes(directions: FloatArray) -> FloatArray:
