@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.special import gammaincinv
@@ -140,9 +141,8 @@ def allan_deviation(series: _Series, counts: Sequence[int]) -> FloatArray:
 
 def _changes(frames: FloatArray, count: int) -> FloatArray:
     """Return the differences of averages over n frames from the next ones, (..., averages - 1)."""
-    complete = frames[..., : frames.shape[-1] // count * count]
-    averages = complete.reshape(*frames.shape[:-1], -1, count).mean(axis=-1)
-    return np.diff(averages, axis=-1)
+    windows = sliding_window_view(frames, count, axis=-1)[..., ::count, :]
+    return np.diff(windows.mean(axis=-1), axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
