@@ -43,8 +43,6 @@ _Rotations = Annotated[Any, (None, 3, 3), rotations]
 # Relative gap below which rounding rotates the result by a milliradian: that of directions about a
 # microradian apart, or of a weight of this fraction.
 _MIN_EIGENVALUE_GAP = 1e-12
-# Newton's iteration of QUEST converges quadratically from above.
-_NEWTON_STEPS = 60
 
 
 def unit(name: str, vectors: ArrayLike) -> FloatArray:
@@ -191,6 +189,8 @@ def quest(
     >>> np.allclose(target_from_source @ [1, 0, 0], [0, 1, 0])
     True
     """
+    from scipy.optimize import newton  # slow to import
+
     profile = _profile(target_vectors, source_vectors, weights)
     _nearest_rotation(profile)  # raises an error if a rotation is free
     trace, twist = np.trace(profile), (profile.T - profile)[[1, 2, 0], [2, 0, 1]]
@@ -198,10 +198,8 @@ def quest(
     davenport = np.block([[upper, twist[:, None]], [twist, trace]])
     cubic = -8.0 * np.linalg.det(profile), -2.0 * np.square(profile).sum(), 0.0, 1.0
     characteristic = Polynomial([np.linalg.det(davenport), *cubic])
-    slope = characteristic.deriv()
-    root = 1.0  # the sum of the weights, an upper bound
-    for _ in range(_NEWTON_STEPS):
-        root -= max(characteristic(root) / slope(root), 0.0)
+    # The sum of the weights is an upper bound, from which the iteration converges quadratically.
+    root = newton(characteristic, 1.0, characteristic.deriv())
     # By the theorem of Cayley and Hamilton, the polynomial without this root is the matrix of
     # cofactors. Each row is the quaternion, of length zero for some rows.
     others = characteristic // Polynomial([-root, 1.0])
