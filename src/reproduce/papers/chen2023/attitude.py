@@ -9,7 +9,6 @@ import numpy as np
 from reproduce.papers.chen2023.platform import (
     INSTRUMENT,
     SIGMAS,
-    angle_of_one_pixel,
     angle_sigma,
     as_designed,
     scatter,
@@ -31,12 +30,11 @@ def _platform_facts(inputs: Inputs) -> dict[str, float]:
     designed = as_designed(inputs)
     ratio = square_ratio(designed)
     scaled = replace(designed, lasers=ratio * designed.lasers)
-    fitted = scaled.directions @ scaled.reference.T
-    distances = np.linalg.norm(scaled.seen(scaled.spots) - fitted, axis=-1)
+    off = scaled.spots - scaled.predicted(np.zeros(3))
     x, _, z = angle_sigma(inputs, 1, 1)
     return {
         "square-smaller": 100 * (1 - ratio),
-        "misfit": np.sqrt(np.square(distances).mean()) / angle_of_one_pixel(inputs),
+        "misfit": np.sqrt(np.square(off).sum(axis=-1).mean()),
         "roll": z / x,
     }
 

@@ -212,8 +212,11 @@ def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
     state, smoothed = (
         np.full(count, 1 / count) for count in (frames, inputs.count(SMOOTHED))
     )
-    with_ramp = np.convolve(state, smoothed)
-    weights = {"state": state, "smoothed": smoothed, "with-ramp": with_ramp}[images]
+    weights = {
+        "state": state,
+        "smoothed": smoothed,
+        "with-ramp": np.convolve(state, smoothed),
+    }[images]
     # Images before the last state.
     lag = weights[:-frames].sum()
     return lag, np.sqrt(frames * np.square(weights).sum())

@@ -20,16 +20,15 @@ import numpy as np
 
 from reproduce.papers.chen2023.platform import (
     DIAGONAL,
+    INSTRUMENT,
     PIXEL,
-    SPOTS,
     TELESCOPE,
     TRACKER,
     TRACKER_FOCAL_LENGTH,
-    lasers,
+    as_designed,
 )
 from reproduce.papers.declare import Results, Rows, reproduces, studied
 from reproduce.physics import ground
-from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import field_of_view
 from reproduce.physics.raytrace import (
     RETROREFLECTORS,
@@ -126,21 +125,10 @@ def table_angle(inputs: Inputs) -> Results:
     return {"table-angle": np.arcsin(sine)}
 
 
-@studied(
-    "chen2023/retro-reflectors",
-    inputs=(
-        SPOTS,
-        DIAGONAL,
-        TELESCOPE,
-        TRACKER_FOCAL_LENGTH,
-        BORESIGHT,
-        PIXEL,
-    ),
-)
+@studied("chen2023/retro-reflectors", inputs=(*INSTRUMENT, BORESIGHT))
 def _retro_reflectors(inputs: Inputs) -> Rows:
     """Compute the reported rotation of the camera for rotations of three retro-reflectors."""
-    lengths = inputs[TELESCOPE], inputs[TRACKER_FOCAL_LENGTH], inputs[PIXEL]
-    platform = Platform(lasers(inputs), *lengths, (0.0, 0.0))
+    platform = replace(as_designed(inputs), principal_point=(0.0, 0.0), spots=None)
     turns = _TEST_ROTATION * np.eye(3)
     for kind, train in RETROREFLECTORS.items():
         # An odd number of reflections mirrors the image.
