@@ -16,7 +16,9 @@ from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 _Shape = tuple[int | str | None, ...]
 P = ParamSpec("P")
 R = TypeVar("R")

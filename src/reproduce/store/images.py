@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.physics.validate import BoolArray
 from reproduce.store.points import FilePath
 
 FloatArray = NDArray[np.floating]
@@ -149,7 +150,7 @@ def _is_saturated(pixels: NDArray[Any], high: float) -> bool:
     return bool(touching.max() >= _MIN_SATURATED)
 
 
-def _deviations(uncertainty: Any, unit: Any, missing: NDArray[np.bool_]) -> FloatArray:
+def _deviations(uncertainty: Any, unit: Any, missing: BoolArray) -> FloatArray:
     """Return the standard deviations of pixels of a unit from an Astropy uncertainty."""
     from astropy.nddata import StdDevUncertainty
     from astropy.units import Unit

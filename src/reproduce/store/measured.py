@@ -9,11 +9,10 @@ from functools import cache
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 
 from reproduce.locate import data_folder
+from reproduce.physics.validate import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
 _HEADER_BYTES = 28
 # One star: number, right ascension, declination, spectral type, 100 V, proper motions.
 _RECORD = np.dtype(
@@ -29,7 +28,7 @@ _RECORD = np.dtype(
 
 
 @cache
-def bright_stars() -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def bright_stars() -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the Bright Star Catalogue, without the entries that are no stars.
 
     Returns

@@ -17,9 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reproduce.physics.validate import FloatArray, Points, checked, number_array
+from reproduce.physics.validate import (
+    BoolArray,
+    FloatArray,
+    Points,
+    checked,
+    number_array,
+)
 
 # Types of the name of a file.
 FilePath = str | Path
@@ -73,7 +78,7 @@ class DataTable:
             self.values.tobytes() if self._content is None else self._content
         ).hexdigest()
 
-    def check(self, name: str, right: NDArray[np.bool_], expected: str) -> None:
+    def check(self, name: str, right: BoolArray, expected: str) -> None:
         """Raise the error that names source, row and column of the first wrong number."""
         for row in np.flatnonzero(~right)[:1].tolist():
             raise TableFileError(

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtri, ndtri
 
 from reproduce.physics.attitude.monitoring import _correlation
@@ -24,7 +23,12 @@ from reproduce.physics.attitude.platform import (
     received_spots,
 )
 from reproduce.physics.attitude.rotations import attitude
-from reproduce.physics.validate import DegenerateGeometryError, Finding, FloatArray
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    Finding,
+    FloatArray,
+    IntArray,
+)
 
 # Probability of a finding without a fault, and the number of tests that share it: two patterns, and
 # the correlation of spots and of angles.
@@ -211,7 +215,7 @@ def diagnose_spots(
 
 
 def _single_images(
-    images: tuple[FloatArray, FloatArray], lights: NDArray[np.int64]
+    images: tuple[FloatArray, FloatArray], lights: IntArray
 ) -> Iterator[Finding]:
     """Yield the faults of single images: repeated ones, and a spot far from its place."""
     for when, spots in zip(("zero point", "present"), images, strict=True):
@@ -272,7 +276,7 @@ class _Pattern:
     variance: FloatArray
     freedom: float
     tolerated: float
-    numbers: NDArray[np.int64]
+    numbers: IntArray
 
     def findings(self, design: _Fit, problem: str) -> list[Finding]:
         """Return the causes of a misfit, or of a rotation by more than 120 deg."""

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from reproduce.physics.validate import (
+    BoolArray,
     Count,
     FloatArray,
+    IntArray,
     NonNegative,
     Point,
     Positive,
@@ -29,7 +30,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-IntArray = NDArray[np.int64]
 # Pixels may be missing.
 _Windows = Annotated[Any, (None, None), number_array]
 
@@ -323,7 +323,7 @@ def _optimum(
 def _likelihood(
     state: FloatArray,
     light: FloatArray,
-    seen: NDArray[np.bool_],
+    seen: BoolArray,
     radius: FloatArray,
     variance: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
@@ -32,7 +32,7 @@ from reproduce.physics.registration._similarity import (
     squared,
 )
 from reproduce.physics.registration.transforms import MODELS, Registration
-from reproduce.physics.validate import FloatArray, Size
+from reproduce.physics.validate import BoolArray, FloatArray, IntArray, Size
 
 # Fewest points of a robust fit.
 _MIN_STARS_ROBUST = 4
@@ -79,7 +79,7 @@ class RegistrationFit:
     chi_square: FloatArray
     cofactor: FloatArray
     points: FloatArray
-    rejected: NDArray[np.bool_]
+    rejected: BoolArray
     robust: bool = False
 
     @property
@@ -108,7 +108,7 @@ class RegistrationFit:
         return squared(as_complex(self.residuals))
 
     @cached_property
-    def degrees_of_freedom(self) -> NDArray[np.int64]:
+    def degrees_of_freedom(self) -> IntArray:
         """Two per point of weight above zero, minus the number of parameters."""
         return 2 * np.count_nonzero(self.weights, axis=-1) - len(self.names)
 
@@ -273,7 +273,7 @@ def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
     return replace(_solved(problem, used), robust=robust)
 
 
-def _solved(problem: Problem, used: np.bool_ | NDArray[np.bool_]) -> RegistrationFit:
+def _solved(problem: Problem, used: np.bool_ | BoolArray) -> RegistrationFit:
     """Return the fit of the used points."""
     rejected = (problem.counts > 0) & ~used
     problem = replace(problem, counts=problem.counts * used)
@@ -305,7 +305,7 @@ def _whitened(
     return factor, (factor @ residuals[..., None])[..., 0]
 
 
-def _right_matches(problem: Problem) -> NDArray[np.bool_]:
+def _right_matches(problem: Problem) -> BoolArray:
     """Return the points that fit each other, shape (..., n)."""
     rows = thinned(problem.source.shape[-2], _MAX_TESTED)
     part = problem.rows(rows)
@@ -336,7 +336,7 @@ def _right_matches(problem: Problem) -> NDArray[np.bool_]:
     return _fitting(problem, used)
 
 
-def _fitting(problem: Problem, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _fitting(problem: Problem, used: BoolArray) -> BoolArray:
     """Return the points that fit the used ones, (..., n).
 
     The squared residual of a point over its expected variance, divided by two variances of the

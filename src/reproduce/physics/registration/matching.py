@@ -11,7 +11,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics.registration._similarity import (
     ComplexArray,
@@ -20,7 +20,7 @@ from reproduce.physics.registration._similarity import (
 )
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
-from reproduce.physics.validate import FloatArray, positive
+from reproduce.physics.validate import FloatArray, IntArray, positive
 
 # Common stars that identify a transform, at least: three agree too often by chance.
 _MIN_COMMON = 4
@@ -40,8 +40,6 @@ _ROUNDED_PX, _WHOLE_PX = 0.1, 0.5
 _MIN_ROBUST, _ROUNDS = 7, 4
 # Iterations of the scatter beyond the errors; variance of an exact position, in px^2.
 _SCATTER_STEPS, _EXACT_VARIANCE = 6, 1e-12
-
-IntArray = NDArray[np.int64]
 
 
 def match_points(
