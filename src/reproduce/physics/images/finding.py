@@ -16,8 +16,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial.polynomial import polyvander2d
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.images.spots import IntArray, fitted_spots
-from reproduce.physics.validate import Finding, FloatArray, Size, checked
+from reproduce.physics.images.spots import fitted_spots
+from reproduce.physics.validate import (
+    BoolArray,
+    Finding,
+    FloatArray,
+    IntArray,
+    Size,
+    checked,
+)
+
+Pixels = NDArray[Any]
 
 # Touching pixels above the detection threshold, at least.
 _MIN_PIXELS = 3
@@ -52,7 +61,6 @@ _MIN_DIFFERENCES, _FALSE_WARNING = np.array([0.1, 0.02, 0.02]), 0.01
 _AXES = np.array([[1, 0, 0, 1], [1, 0, 0, -1], [0, 1, 1, 0]]) / 2
 # Stars at least of each image, and the fraction of them that is trimmed from each end.
 _MIN_STARS_COMPARED, _TRIMMED = 4, 0.2
-_ODD = "not the shape of a spot"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +78,7 @@ class Detections:
     reasons : ndarray of str, shape (n,)
         Reason why a spot cannot be measured; empty if it can.
     shapes : ndarray, shape (n, 2, 2)
-        Matrix of second moments, in px^2; NaN except for the brighter half of the measured spots.
+        Matrix of second moments, in px^2; NaN without a centre.
     facts : dict of str to float
         ``radius`` of all spots, in px; median ``background`` and ``noise``, in digital numbers;
         ``gain``, in electrons per digital number; numbers of ``missing`` and ``saturated`` pixels;
@@ -90,7 +98,7 @@ class Detections:
 
 @checked
 def find_spots(
-    image: NDArray[Any],
+    image: Pixels,
     threshold: Size = None,
     sigma: ArrayLike | None = None,
     saturation: float = np.inf,
@@ -157,13 +165,10 @@ def find_spots(
         "saturated": fit.is_saturated,
         "at the edge": ((peaks < radius) | (peaks > last)).any(axis=1),
         "another close by": np.isin(np.arange(len(peaks)), close),
-        _ODD: fit.has_odd_shape(),
+        "not the shape of a spot": fit.has_odd_shape(),
         "no centre found": ~(np.abs(fit.centre - peaks).max(axis=1) < side / 2),
     }
     reasons = np.select(list(checks.values()), list(checks), default="")
-    flux = np.where(np.isin(reasons, ["", _ODD]), fit.flux, -np.inf)
-    shapes = fit.moments()
-    shapes[np.argsort(-flux)[(np.isfinite(flux).sum() + 1) // 2 :]] = np.nan
     facts = {
         "threshold": limit,
         "radius": radius,
@@ -180,11 +185,11 @@ def find_spots(
     )
     findings = () if _MIN_GAIN <= gain <= _MAX_GAIN else (Finding("gain", text),)
     return Detections(
-        fit.centre, fit.covariance, fit.flux, reasons, shapes, facts, findings
+        fit.centre, fit.covariance, fit.flux, reasons, fit.moments(), facts, findings
     )
 
 
-def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _without_background(image: Pixels) -> tuple[Pixels, Pixels]:
     """Return the image minus its background, and the noise of each pixel.
 
     The noise is that of the image minus a first background: a slope within a box is no noise.
@@ -198,7 +203,7 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
     light = (image - float(np.median(values))).astype(np.float32, copy=False)
     boxes = -(-np.array(subset.shape) // -(-np.array(image.shape) // _BOX_PX))
 
-    def enlarged(mesh: FloatArray) -> NDArray[Any]:
+    def enlarged(mesh: FloatArray) -> Pixels:
         # The median of neighbours continues a slope beyond the boxes at the edge.
         wide = np.pad(mesh, 2, mode="reflect", reflect_type="odd").astype(np.float32)
         wide = median_filter(wide, 3)[1:-1, 1:-1]
@@ -227,7 +232,7 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
     return light, np.maximum(enlarged(noise), noise.min(), dtype=np.float32)
 
 
-def _remove_hot_pixels(light: NDArray[Any], noise: NDArray[Any]) -> None:
+def _remove_hot_pixels(light: Pixels, noise: Pixels) -> None:
     """Set bright pixels to NaN if their neighbours have almost no flux."""
     from scipy.ndimage import maximum_filter
 
@@ -238,7 +243,7 @@ def _remove_hot_pixels(light: NDArray[Any], noise: NDArray[Any]) -> None:
     light[bright] = np.where(beside < faint, np.nan, light[bright])
 
 
-def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float]:
+def _detected(light: Pixels, limit: Pixels) -> tuple[IntArray, float]:
     """Return the brightest pixels of the spots, the most flux first, and a radius."""
     from photutils.segmentation import SourceCatalog, detect_sources
 
@@ -256,9 +261,7 @@ def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float
     return peaks[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
 
 
-def _windows(
-    image: NDArray[Any], peaks: IntArray, reach: float
-) -> tuple[NDArray[Any], IntArray]:
+def _windows(image: Pixels, peaks: IntArray, reach: float) -> tuple[Pixels, IntArray]:
     """Return windows of spots of the radius `reach`, and their first pixels."""
     half = np.clip(np.ceil(_HALF_RADII * reach), _MIN_HALF_PX, _MAX_HALF_PX)
     size = min(2 * int(half) + 1, *(s - 1 + s % 2 for s in image.shape))
@@ -272,7 +275,7 @@ class _SpotFit:
 
     def __init__(
         self,
-        light: NDArray[Any],
+        light: Pixels,
         noise: FloatArray,
         peaks: IntArray,
         reach: float,
@@ -320,7 +323,7 @@ class _SpotFit:
         left[seen] -= basis @ terms * sigma[seen]
         return left, len(terms)
 
-    def has_odd_shape(self) -> NDArray[np.bool_]:
+    def has_odd_shape(self) -> BoolArray:
         """Return whether a spot differs significantly, and more than others, from a Gaussian."""
         parts = self.left**2 - self.variance, 2 * self.variance**2, self.model**2
         excess, spread, flux = (np.nansum(part, axis=(1, 2)) for part in parts)
