@@ -173,7 +173,7 @@ def test_arrays_with_masks_units_or_other_shapes_are_refused():
         (1j * source, "real numbers"),
         (source.astype(str), "real numbers"),
         (source[:, :1], "shape"),
-        (source[:0], "one row"),
+        (source[:0], "shape"),
         (source[None], "shape"),
         (np.where(source == source[2, 1], np.nan, source), "row 2, column y"),
         ([[1, 2], [3]], "unequal length"),

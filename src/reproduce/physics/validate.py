@@ -44,8 +44,13 @@ class Finding:
     rows: tuple[int, ...] = ()
 
 
-def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
-    """Return `value` as `finite_array` does, but accept NaN and infinity."""
+def number_array(
+    name: str, value: ArrayLike, *, shape: _Shape = (), exact: bool = False
+) -> FloatArray:
+    """Return `value` as `finite_array` does, but accept NaN, which masked values become.
+
+    Infinity is accepted, too. An exact shape has no leading dimensions.
+    """
     has_unit = hasattr(value, "to") and (
         hasattr(value, "unit") or hasattr(value, "units")
     )
@@ -63,17 +68,20 @@ def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
             f"{name}: expected an array of real numbers, got {content}. Convert the entries to "
             "numbers in the unit of the docstring"
         ) from None
-    fits = array.ndim >= len(shape) and all(
+    more = array.ndim - len(shape)
+    fits = (more == 0 if exact else more >= 0) and all(
         not isinstance(length, int) or length == actual
         for length, actual in zip(shape[::-1], array.shape[::-1], strict=False)
     )
-    if not fits or array.size == 0 or np.ma.is_masked(value):
-        expected = ", ".join(str(length or "n") for length in shape)
+    if not fits or array.size == 0:
+        lengths = [length or "n" for length in shape]
+        expected = ", ".join(map(str, lengths if exact else ["...", *lengths]))
         raise ValueError(
-            f"{name}: expected shape (..., {expected}) without masked values, got "
-            f"{array.shape or value}. Rows are observations, columns are coordinates"
+            f"{name}: expected shape ({expected}), got {array.shape or value}. Rows are "
+            "observations, at least one row, and columns are coordinates"
         )
-    return array
+    masked = np.ma.is_masked(value)
+    return np.where(np.ma.getmask(value), np.nan, array) if masked else array
 
 
 def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
@@ -99,7 +107,7 @@ def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     TypeError
         If `value` is not numeric.
     ValueError
-        If it has the wrong shape, is empty, or contains NaN or infinity.
+        If it has the wrong shape, is empty, or contains NaN, infinity or masked values.
 
     Examples
     --------

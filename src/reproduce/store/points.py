@@ -168,8 +168,6 @@ def read_table(
             )
         values = np.column_stack([numbers[column] for column in columns])
     table = DataTable(name, values, numbers, content)
-    if not len(values):
-        raise TableFileError(f"{name}: expected at least one row, got zero. Add rows")
     for column, given in numbers.items():
         right = np.abs(given) < _LARGEST_NUMBER  # false for NaN
         expected = f"a finite number below {_LARGEST_NUMBER:g} (text and dates are nan)"
@@ -196,19 +194,11 @@ def _numbers(
         import pandas as pd
 
         column = pd.to_numeric(column.astype(object), errors="coerce").to_numpy()
+    plain = getattr(column, "value", getattr(column, "magnitude", column))
     try:
-        array = np.ma.asarray(getattr(column, "value", column))
-        content = f"{array.dtype} of shape {array.shape}"
-        content = content if array.ndim else repr(array.item())[:40]
-    except ValueError:
-        array, content = np.ma.asarray(""), "rows of unequal length"
-    if array.dtype.kind not in "biuf" or not array.ndim or array.shape[1:] != width:
-        shape = ", ".join(map(str, ("n", *width)))
-        raise TableFileError(
-            f"{place}: expected real numbers of shape ({shape}), got {content}. Convert the "
-            "entries to numbers. Rows are observations; pass an image as a NumPy array"
-        )
-    return np.ma.filled(array.astype(np.float64, copy=False), np.nan)
+        return number_array(place, plain, shape=(None, *width), exact=True)
+    except (TypeError, ValueError) as error:
+        raise TableFileError(f"{error}. Pass an image as a NumPy array") from error
 
 
 def _content(name: str, path: FilePath) -> bytes:

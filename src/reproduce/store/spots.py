@@ -54,13 +54,7 @@ def read_images(
 
 def _array(name: str, images: Any, count: int) -> FloatArray:
     """Return the images of an array, with NaN for both coordinates of a lost spot."""
-    masked = np.ma.isMaskedArray(images)
-    unmasked = images.astype(float).filled(np.nan) if masked else images
-    array = number_array(name, unmasked, shape=(None, count, 2))
-    if array.ndim != 3:
-        raise ValueError(
-            f"{name}: expected shape (frames, {count}, 2), got {array.shape}. Pass one array"
-        )
+    array = number_array(name, images, shape=("frames", count, 2), exact=True)
     seen = (np.abs(array) < _LARGEST_NUMBER).all(axis=-1, keepdims=True)
     return np.where(seen, array, np.nan)
 

@@ -273,11 +273,11 @@ def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
     middle = points.mean(axis=0)
     if pivot is None:
         return middle
-    pivot = validate.number_array("pivot", pivot, shape=(2,))
+    pivot = validate.number_array("pivot", pivot, shape=(2,), exact=True)
     # The fit itself rejects coincident stars.
     field = np.ptp(points, axis=0).max() or np.inf
     is_near = np.abs(middle - pivot).max() <= _MAX_FIELDS * field
-    if pivot.shape != (2,) or not is_near:
+    if not is_near:
         raise ValueError(
             f"pivot: expected a point within {_MAX_FIELDS:g} fields of the stars, got {pivot}. "
             "Pass the principal point of the channel, in px"
