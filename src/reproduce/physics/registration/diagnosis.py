@@ -137,11 +137,11 @@ def sensitivities(
         half = np.where(flux > np.median(flux), 0.5, -0.5)
         terms["brightness"] = half[:, None, None] * jacobian
     factor, residuals = _whitened(problem, fit.parameters, problem.source)
-    columns = factor @ np.concatenate([jacobian, *terms.values()], axis=-1)
-    rows, residuals = columns.reshape(residuals.size, -1), residuals.ravel()
+    rows, residuals = factor @ jacobian, residuals.ravel()
 
-    def stepped(used: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    def stepped(*added: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return a step of Gauss-Newton, its errors for unit noise, and the squares left."""
+        used = np.concatenate([rows, *added], axis=-1).reshape(residuals.size, -1)
         step, cofactor = gauss_newton(used, residuals, used, _MIN_INDEPENDENT**2)
         rest = residuals - used @ step
         return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
@@ -149,15 +149,14 @@ def sensitivities(
     freedom, changes = 2 * np.count_nonzero(problem.counts) - count, []
     # Stars that do not fix the model or a term have no solution.
     with suppress(validate.DegenerateGeometryError):
-        step, plain, squares = stepped(rows[:, :count])
-        end = count
+        step, plain, squares = stepped()
         for term, added in terms.items():
             number = added.shape[-1]
-            spare, end = freedom - number, end + number
+            spare = freedom - number
             if spare <= 0:
                 continue
             with suppress(validate.DegenerateGeometryError):
-                moved, rich, left = stepped(rows[:, np.r_[:count, end - number : end]])
+                moved, rich, left = stepped(factor @ added)
                 noise = np.sqrt(left / spare)
                 # The F test does not depend on the scale of the errors.
                 gain = max(squares - left, 0.0) / number / noise**2
@@ -440,14 +439,14 @@ def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
 
 def _any_far(fit: RegistrationFit) -> bool:
     """Return whether a field is small, or has a residual that does not fit the others."""
-    squares, count = fit.squares, len(fit.residuals)
-    # The median square of a two-dimensional Gaussian residual is 2 log 2 variances.
-    limit = np.log2(count / FALSE_ALARM_ROBUST) * np.median(squares)
-    if count < _LARGE_FIELD or squares.max() > limit:
+    count = len(fit.residuals)
+    if count < _LARGE_FIELD:
         return True
-    # Many wrong matches increase the median. Their fraction shows in a part of the stars.
-    part = _robust(fit.problem.rows(thinned(count, _MAX_SAMPLE)))
-    return part is not None and bool(part.rejected.any())
+    # Many wrong matches increase the median of all stars.
+    part = _robust(fit.problem.rows(thinned(count, _MAX_SAMPLE))) or fit
+    # The median square of a two-dimensional Gaussian residual is 2 log 2 variances.
+    limit = np.log2(count / FALSE_ALARM_ROBUST) * np.median(part.squares)
+    return bool(fit.squares.max() > limit)
 
 
 def _rejected(fit: RegistrationFit, kind: str, remedy: str) -> Iterator[Finding]:
