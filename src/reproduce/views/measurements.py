@@ -234,7 +234,7 @@ class RegistrationResult(UserResult):
         if np.isnan(self._errors).any() or not freedom:
             return {}
         ratio = float(self.fit.chi_square) / freedom
-        low, high = registration.chi_square_range(self.fit)
+        low, high = self.fit.chi_square_range
         if self.fit.errors_known:
             return {"chi_square_per_freedom": ratio, "low": low, "high": high}
         noise = ratio**0.5

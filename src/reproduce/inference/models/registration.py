@@ -34,7 +34,6 @@ from reproduce.physics.registration import (
     as_complex,
     as_points,
     fit_problem,
-    fits_exactly,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.units import DEGREES_PER_RADIAN
@@ -382,7 +381,7 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
         )
     parameters = _wide_parameters(right.fit)
     if not problem.errors_known:
-        if fits_exactly(right.fit):
+        if right.fit.is_exact:
             raise ValueError(
                 "target: expected points with noise, got points that fit without any error. Use "
                 "`reproduce.register`"

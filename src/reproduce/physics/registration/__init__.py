@@ -18,9 +18,7 @@ from reproduce.physics.registration.diagnosis import (
     Finding,
     Sensitivity,
     checked_pivot,
-    chi_square_range,
     diagnose_fit,
-    fits_exactly,
     sensitivities,
 )
 from reproduce.physics.registration.fit import (

@@ -29,8 +29,6 @@ from reproduce.physics.validate import Finding, FloatArray
 
 # Probability of a warning of the model if it is right, and of the errors if they are right.
 FALSE_ALARM = 0.05
-# Residuals below this fraction of the coordinates are rounding errors.
-_EXACT_FRACTION = 1e-11
 # Number of stars from which wrong matches are sought only if a residual is large.
 _LARGE_FIELD = 8_000
 # Number of stars, spread over the rows, with which models are compared; duplicates are not sought
@@ -190,60 +188,6 @@ def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
     }
 
 
-def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
-    """Return the central 95 % of chi-square per degree of freedom if the errors are right.
-
-    Parameters
-    ----------
-    fit : RegistrationFit
-        Fit with at least one degree of freedom.
-
-    Returns
-    -------
-    low, high : float
-        Bounds of the interval.
-
-    Examples
-    --------
-    >>> from reproduce.physics.registration import fit_registration
-    >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
-    >>> np.round(chi_square_range(fit_registration(square, square, (0, 0))), 2)
-    array([0.12, 2.79])
-    """
-    from scipy.special import chdtri
-
-    freedom = float(fit.degrees_of_freedom)
-    tails = np.array([1 - FALSE_ALARM / 2, FALSE_ALARM / 2])
-    low, high = (chdtri(freedom, tails) / freedom).tolist()
-    return low, high
-
-
-def fits_exactly(fit: RegistrationFit) -> bool:
-    """Return whether the residuals of the stars of weight above zero are rounding errors.
-
-    Parameters
-    ----------
-    fit : RegistrationFit
-        Fit of one set of stars.
-
-    Returns
-    -------
-    bool
-        True if no noise remains.
-
-    Examples
-    --------
-    >>> from reproduce.physics.registration import fit_registration
-    >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
-    >>> fits_exactly(fit_registration(square, square + 1 / 3, (0, 0)))
-    True
-    """
-    images = fit.problem.source, fit.problem.target, fit.problem.pivot
-    reach = max(np.abs(points).max() for points in images)
-    largest = (fit.squares * (fit.weights > 0)).max()
-    return bool(largest < (_EXACT_FRACTION * reach) ** 2)
-
-
 def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
     """Return the pivot as an array of shape (2,), in px.
 
@@ -325,7 +269,7 @@ def diagnose_fit(
     findings = [*_stars(fit), *_errors(fit)]
     if fit.robust:
         findings += _rejected(fit, "dropped", ". They have no weight")
-    if fits_exactly(fit):
+    if fit.is_exact:
         # Without a degree of freedom the residuals are zero by construction.
         if not fit.errors_known and fit.degrees_of_freedom > 0:
             text = "the residuals are zero, so the errors cannot be estimated"
@@ -335,7 +279,7 @@ def diagnose_fit(
     # Wrong matches must not hide a distortion.
     others = _robust(fit.problem) if not fit.robust and _any_far(fit) else None
     right, terms = others or fit, list[Sensitivity]()
-    if not (others and fits_exactly(others)):
+    if not (others and others.is_exact):
         # A few stars that fit each other may be too few for any term.
         terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
     if terms:
@@ -396,7 +340,7 @@ def _errors(fit: RegistrationFit) -> Iterator[Finding]:
         text = "the stars leave no degree of freedom to estimate the errors"
         yield Finding("few", text)
     if freedom > 0 and fit.errors_known:
-        ratio, (low, high) = fit.chi_square / freedom, chi_square_range(fit)
+        ratio, (low, high) = fit.chi_square / freedom, fit.chi_square_range
         text = (
             f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the "
             "errors from the residuals, pass weights 1 / sigma^2 instead"
@@ -455,7 +399,7 @@ def _rejected(fit: RegistrationFit, kind: str, remedy: str) -> Iterator[Finding]
     if len(rows):
         rows = rows[np.argsort(-lengths[rows])]
         named = f"{_row_numbers(rows.tolist())}, up to {lengths[rows[0]]:.3g} px"
-        exact = ", which fit exactly" * fits_exactly(fit)
+        exact = ", which fit exactly" * fit.is_exact
         text = f"{len(rows)} of {len(lengths)} stars do not fit the others{exact} ({named})"
         yield Finding(kind, text + remedy, tuple(rows.tolist()))
 

@@ -47,6 +47,8 @@ FALSE_ALARM_ROBUST = 1e-3
 # Smallest variance of a residual, relative to the noise, if the fit follows the point, and rounding
 # error of a residual, relative to the coordinates.
 _MIN_VARIANCE, _ROUNDING = 1e-9, 1e-12
+# Residuals below this fraction of the coordinates are rounding errors.
+_EXACT_FRACTION = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,23 @@ class RegistrationFit:
     def degrees_of_freedom(self) -> IntArray:
         """Two per point of weight above zero, minus the number of parameters."""
         return 2 * np.count_nonzero(self.weights, axis=-1) - len(self.names)
+
+    @property
+    def chi_square_range(self) -> tuple[float, float]:
+        """Central 95 % of chi-square per degree of freedom if the errors are right."""
+        from scipy.special import chdtri  # this import takes longer than a fit
+
+        freedom = float(self.degrees_of_freedom)
+        low, high = (chdtri(freedom, [0.975, 0.025]) / freedom).tolist()
+        return low, high
+
+    @cached_property
+    def is_exact(self) -> bool:
+        """Whether the residuals of the stars of weight above zero are rounding errors."""
+        images = self.problem.source, self.problem.target, self.problem.pivot
+        reach = max(np.abs(points).max() for points in images)
+        largest = (self.squares * (self.weights > 0)).max()
+        return bool(largest < (_EXACT_FRACTION * reach) ** 2)
 
     @property
     def _variance(self) -> FloatArray:
