@@ -15,6 +15,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.optimize import Bounds, differential_evolution
 from scipy.special import ndtr, ndtri
+from scipy.stats import truncnorm
 
 from reproduce.physics.validate import (
     FloatArray,
@@ -177,9 +178,8 @@ class _PositiveNormal(Normal):
         return np.where(values > 0, super().log_density(values), -np.inf)
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
-        below = ndtr(-self.mean / self.sigma)
-        score = ndtri(generator.uniform(below, 1, count))
-        return self.mean + self.sigma * score
+        positive = truncnorm(-self.mean / self.sigma, np.inf, self.mean, self.sigma)
+        return positive.rvs(count, random_state=generator)
 
     def __str__(self) -> str:
         return f"{super().__str__()}, above zero"
