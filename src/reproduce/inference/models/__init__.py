@@ -13,7 +13,6 @@ from reproduce.inference.models.bench import (
 )
 from reproduce.inference.models.misalignment import (
     AXES,
-    MOUNT_SIGMA,
     SpotLikelihood,
     misalignment_model,
 )

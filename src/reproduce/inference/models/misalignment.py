@@ -30,7 +30,7 @@ from reproduce.units import ARCSEC_PER_RADIAN
 
 AXES = "xyz"
 # Standard deviation of the prior of the zero attitude, in radians.
-MOUNT_SIGMA = 5e-3
+_MOUNT_SIGMA = 5e-3
 # Steps of the central differences, as fractions of the scale of each parameter.
 _STEP_RATIO = 1e-3
 
@@ -185,11 +185,6 @@ class SpotLikelihood(Likelihood):
         response = (behind - ahead) / (2 * _STEP_RATIO * scale)[:, None]
         return response.T, residuals
 
-    def residual(self) -> float:
-        """Return the standard deviation of a coordinate about least squares, in px."""
-        [residuals] = self.residuals(self.start()[0][None])
-        return float(np.sqrt((self.squares + residuals @ residuals) / self.size))
-
     def checks(self, other: Self) -> dict[str, float]:
         """Return scatter, shape of the pattern and motion of its centre, in px."""
         width, height = np.ptp(other.spots.mean(axis=0), axis=0)
@@ -235,7 +230,7 @@ def misalignment_model(likelihood: SpotLikelihood) -> Model:
         angles += _angles("drift", r"\dot\theta", _MISALIGNMENT_PRIOR)
     mount = Normal(
         0.0,
-        MOUNT_SIGMA,
+        _MOUNT_SIGMA,
         "the zero attitude is fitted to the spots first, so only the misfit of the design "
         "remains: a quarter of a degree is generous",
     )

@@ -18,7 +18,6 @@ from numpy.random import PCG64, Generator
 from reproduce.inference import LogUniform, Model, Normal, Prior, Quantity
 from reproduce.inference.models import (
     AXES,
-    MOUNT_SIGMA,
     SpotLikelihood,
     misalignment_model,
 )
@@ -44,8 +43,7 @@ INPUTS = (*INSTRUMENT, "chen2023/table-3", _FRAMES, *satellite.CAMERA)
 # Misalignment of the simulation, of the size that the text expects in orbit, with a roll.
 _TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
 _DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
-# Width of a prior relative to the data: proper, with hardly any influence.
-_PRIOR_WIDTHS = 20.0
+_ANGLE_PRIOR = Normal(0.0, 0.1, "six degrees: far wider than any angle of a platform")
 # Images of a group that determine its scatter.
 _MIN_IMAGES = 3
 
@@ -119,43 +117,15 @@ def _your_model(
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
     likelihood = SpotLikelihood.of(instrument, images, drifts)
-    model = misalignment_model(likelihood)
-    priors = _priors(likelihood, images, model.names)
+    model, scatter = misalignment_model(likelihood), likelihood.start()[0][-1]
+    *angles, _, noise = model.names
+    priors: dict[str, Prior] = dict.fromkeys(angles, _ANGLE_PRIOR)
+    priors[noise] = LogUniform(
+        1e-6 * scatter,
+        1e6 * scatter,
+        "no scale preferred: a millionth to a million times the scatter of the spots",
+    )
     return model.with_priors(priors), remarks
-
-
-def _priors(
-    likelihood: SpotLikelihood, images: list[FloatArray], names: tuple[str, ...]
-) -> dict[str, Prior]:
-    """Return priors on the scale of the motion of your spots and of their residuals.
-
-    The size of the pattern keeps the prior of the paper.
-    """
-    platform, residual = likelihood.platform, likelihood.residual()
-    first, last = likelihood.spots
-    size = np.ptp(first, axis=0).max()
-    motion = np.abs(last - first).max() + images[0].std(axis=0).max()
-    reason = "twenty times the motion of the spots"
-    across = Normal(0.0, _PRIOR_WIDTHS * motion / platform.pixels, reason)
-    reason += ", as a roll of the pattern"
-    roll = Normal(0.0, _PRIOR_WIDTHS * motion / size, reason)
-    mount = Normal(
-        0.0,
-        max(MOUNT_SIGMA, _PRIOR_WIDTHS * residual / size),
-        "the zero attitude is fitted to the spots first: a quarter of a degree, or twenty times "
-        "the rotation by their noise",
-    )
-    noise = LogUniform(
-        1e-6 * residual,
-        1e3 * residual,
-        "no scale preferred: a millionth to a thousand times the residual of least squares",
-    )
-    kinds: dict[str, Prior] = {"noise": noise, "mount": mount}
-    return {
-        name: kinds.get(name.partition("-")[0], roll if name[-1] == "z" else across)
-        for name in names
-        if name != "laser-scale"
-    }
 
 
 def _file(drifts: bool) -> File:
