@@ -119,7 +119,7 @@ class Declaration:
     ) -> tuple[DataTable, Model, list[str]]:
         """Return your data, their model and remarks; raise `TableFileError` for unusable data.
 
-        The priors of measured quantities follow from the scale of the data. An instrument or a
+        The priors of measured quantities are far wider than their errors. An instrument or a
         design that the data do not determine is by default the one of the paper.
         """
         if not is_table(data):

@@ -32,7 +32,6 @@ from reproduce.physics.registration import (
     Problem,
     RegistrationFit,
     as_complex,
-    as_points,
     fit_problem,
 )
 from reproduce.physics.validate import FloatArray
@@ -43,9 +42,8 @@ TRANSFORM = MODELS["similarity"]
 _MAX_VALUES = 1_000_000
 # Seed of the noise of new stars.
 _NOISE_SEED = 52
-# Half-widths of flat priors: of a shift in fields, of a scale in ratios of the sizes of both
-# patterns, of any parameter in standard errors.
-_SHIFT_FIELDS, _SCALE_RATIOS, _STANDARD_ERRORS = 10.0, 10.0, 1e3
+# Half-width of flat priors, in standard errors.
+_STANDARD_ERRORS = 1e6
 _SYMBOLS = {
     "scale": "k",
     "rotation": r"\theta",
@@ -127,12 +125,12 @@ class GaussianRegistration(Likelihood):
         return np.column_stack([factor.real, factor.imag, parameters[:, 2:4]])
 
     @cached_property
-    def linear_cofactor(self) -> FloatArray:
-        """Inverse normal matrix in these coordinates, shape (p, p)."""
-        (scale, angle), slopes = self.fit.parameters[:2], np.eye(self._size)
-        if self.problem.model == "similarity":
-            slopes[:2, :2] = as_points(np.exp(1j * angle) * np.array([1, 1j * scale])).T
-        return slopes @ self.fit.cofactor @ slopes.T
+    def linear_normal(self) -> FloatArray:
+        """Normal matrix in these coordinates, shape (p, p)."""
+        # At a scale of one without rotation, they have the derivatives of the parameters.
+        unrotated = self.problem.transform(np.eye(self._size)[0])
+        rows = unrotated.jacobian(self.source)
+        return (rows.mT @ self.precision @ rows).sum(axis=0)
 
     @cached_property
     def precision(self) -> FloatArray:
@@ -154,8 +152,7 @@ class GaussianRegistration(Likelihood):
             parts = map(self.pointwise, self.parts(parameters))
             return np.concatenate([part.sum(axis=-1) for part in parts])
         off = self.linear(parameters) - self.linear(self.fit.parameters[None])
-        normal = np.linalg.inv(self.linear_cofactor)
-        squares = self.fit.chi_square + np.vecdot(off @ normal, off)
+        squares = self.fit.chi_square + np.vecdot(off @ self.linear_normal, off)
         noise = self.noise(parameters)
         constant = self._constant.sum() - 2 * len(self.target) * np.log(noise)
         return constant - squares / (2 * noise**2)
@@ -221,7 +218,7 @@ class GaussianRegistration(Likelihood):
             freedom = float(fit.degrees_of_freedom)
             noise = np.sqrt(fit.chi_square / generator.chisquare(freedom, count))
         normal = generator.normal(size=(count, 4))
-        root = np.linalg.cholesky(self.linear_cofactor)
+        root = np.linalg.cholesky(np.linalg.inv(self.linear_normal))
         rows = self.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
         factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
         angles = angle + np.angle(factors * np.exp(-1j * angle))
@@ -264,14 +261,11 @@ class GaussianRegistration(Likelihood):
         generator = Generator(PCG64(_NOISE_SEED))
         registered = self.right.fit.transform.apply(source)
         outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
-        errors, displacements = [], []
-        for rows in self.parts(parameters):
-            off = self.places(rows, source) - registered
-            displacements.append(np.hypot(*off[:, outermost].T))
-            off += rows[:, 4, None, None] * generator.normal(size=off.shape)
-            # As in niu2024 (26), both axes together.
-            errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
-        rmse, displacement = map(np.concatenate, (errors, displacements))
+        off = self.places(parameters, source) - registered
+        displacement = np.hypot(*off[:, outermost].T)
+        off += parameters[:, 4, None, None] * generator.normal(size=off.shape)
+        # As in niu2024 (26), both axes together.
+        rmse = np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1))
         return {
             "test points, RMSE": Quantity(rmse, "px"),
             "test points, pointing error": Quantity(rmse * arcsec_per_px, "arcsec"),
@@ -343,7 +337,7 @@ def registration_model(likelihood: GaussianRegistration) -> Model:
 
 
 def fitted_model(likelihood: GaussianRegistration) -> Model:
-    """Return the registration of your stars, with priors on the scale of the data.
+    """Return the registration of your stars, with priors far wider than the errors.
 
     The bounds of a uniform prior are as far from the fit as the data allow.
 
@@ -379,13 +373,13 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
             f"source: expected at least {least} points, got {len(problem.source)}. Add stars, or "
             "give their errors"
         )
+    if not problem.errors_known and right.fit.is_exact:
+        raise ValueError(
+            "target: expected points with noise, got points that fit without any error. Use "
+            "`reproduce.register`"
+        )
     parameters = _wide_parameters(right.fit)
     if not problem.errors_known:
-        if right.fit.is_exact:
-            raise ValueError(
-                "target: expected points with noise, got points that fit without any error. Use "
-                "`reproduce.register`"
-            )
         residual = right.start()[0][size]
         noise = LogUniform(
             1e-9 * residual,
@@ -400,27 +394,11 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
 
 def _wide_parameters(fit: RegistrationFit) -> list[Parameter]:
     """Return the parameters of a fit with uniform priors about it."""
-    problem, parameters = fit.problem, []
-    # No least-squares scale exceeds the ratio of the sizes of both patterns.
-    target_size, source_size = (
-        np.linalg.norm(points - points.mean(axis=0))
-        for points in (problem.target, problem.source)
-    )
-    # One star has no size, and determines a shift only.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        half_widths = {
-            "1": _SCALE_RATIOS * target_size / source_size,
-            "px": _SHIFT_FIELDS * np.ptp(problem.target, axis=0).max(),
-            "px^-2": np.hypot(*(problem.source - problem.pivot).T).max() ** -2,
-        }
-    errors = np.nan_to_num(fit.standard_errors)
-    for name, value, error in zip(fit.names, fit.parameters, errors, strict=True):
-        half, reason = np.pi, "any: the full circle, cut opposite to least squares"
-        if name != "rotation":
-            half = max(half_widths[UNITS.get(name, "1")], _STANDARD_ERRORS * error)
-            reason = (
-                "ten times the largest plausible value, or a thousand standard errors"
-            )
+    columns, parameters = (fit.names, fit.parameters, fit.standard_errors), []
+    for name, value, error in zip(*columns, strict=True):
+        half, reason = _STANDARD_ERRORS * error, "any: a million standard errors"
+        if name == "rotation":
+            half, reason = np.pi, "any: the full circle, cut opposite to least squares"
         low = 0.0 if name == "scale" else value - half
         prior = Uniform(low, value + half, reason)
         parameters.append(registration_parameter(name, prior))
