@@ -76,5 +76,5 @@ def test_weights_are_those_of_the_fit():
         np.testing.assert_allclose(spread[:4], fit.standard_errors, rtol=1e-9)
     assert found.stars()["row"].tolist() == list(range(3, 30))
     for bad in (0.0, -weight):
-        with pytest.raises(TableFileError, match="weight"):
+        with pytest.raises(ValueError, match=r"^weights: "):
             rp.posterior("registration", data=frame.assign(weight=bad))

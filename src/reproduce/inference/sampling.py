@@ -33,8 +33,8 @@ _FAR_FRACTION = 0.2
 # bring a distant ensemble to the posterior. Later they move curved or heavy-tailed posteriors, and
 # the complement makes draws nearly independent.
 _WARMUP_FRACTIONS, _STEADY_FRACTIONS = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
-# A chain that needs more steps is rejected.
-_MAX_STEPS = 20_000
+# Fewest steps of a default warm-up. A chain that needs more than the most steps is rejected.
+_MIN_WARMUP, _MAX_STEPS = 100, 20_000
 
 
 class _ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
@@ -98,18 +98,19 @@ class Plan:
     - `seed`: root of all random numbers.
     - `ensembles`, `walkers`: independent ensembles (at least four for a displayed posterior,
       one per replicate in a calibration) and walkers in each; zero walkers is the default number.
-    - `steps`, `warmup`: kept steps, and dropped steps before them.
+    - `steps`, `warmup`: kept steps, and dropped steps before them; zero is a quarter of the kept
+      steps, and 100 at least.
     """
 
     seed: int
     ensembles: int = 4
     walkers: int = 0
     steps: int = 1000
-    warmup: int = 500
+    warmup: int = 0
 
     def __post_init__(self) -> None:
         for name, number in vars(self).items():
-            whole_number(name, number, least=int(name not in {"seed", "walkers"}))
+            whole_number(name, number, least=int(name in {"ensembles", "steps"}))
 
     def walkers_for(self, dimension: int) -> int:
         """Return the walkers of an ensemble: half of them determine the covariance."""
@@ -171,8 +172,7 @@ def sample(
     except UnconvergedError as error:
         if not longer or error.steps is None or error.steps > _MAX_STEPS:
             raise
-        warmup = max(plan.warmup, error.steps // 4)
-        enough = replace(plan, steps=error.steps, warmup=warmup)
+        enough = replace(plan, steps=error.steps)
         return sample(model, enough, longer=True, executor=executor, progress=progress)
     return found
 
@@ -213,9 +213,8 @@ def run_ensemble(model: Model, plan: Plan, ensemble: int) -> tuple[FloatArray, f
         model.coordinates(points),
         random_state=RandomState(MT19937(steps)).get_state(legacy=True),
     )
-    state = warming.run_mcmc(
-        state, plan.warmup, skip_initial_state_check=True, store=False
-    )
+    warmup = plan.warmup or max(_MIN_WARMUP, plan.steps // 4)
+    state = warming.run_mcmc(state, warmup, skip_initial_state_check=True, store=False)
     sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
     chain = model.parameters_at(sampler.get_chain())
     return chain, float(sampler.acceptance_fraction.mean())

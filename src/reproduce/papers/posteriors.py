@@ -8,23 +8,17 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
-from typing import Any, Concatenate
+from typing import Any
 
 from reproduce.inference import Model
 from reproduce.inference.sampling import Plan
 from reproduce.locate import papers
 from reproduce.physics.validate import whole_number
 from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
-from reproduce.store.points import (
-    STARS,
-    DataTable,
-    TableFileError,
-    computing,
-    is_table,
-    matched_stars,
-    read_table,
-)
+from reproduce.store.points import DataTable, TableFileError, computing, is_table
 
+# Your data, their model, and remarks on them.
+Supplied = tuple[DataTable, Model, list[str]]
 # Sampled steps of an ensemble: more than fifty autocorrelation times.
 _STEPS = 270
 
@@ -51,17 +45,15 @@ class File:
 
     - `columns`: of the table, in any order.
     - `meaning`: the meaning of a row and of the columns.
-    - `read`: function of a table and keyword arguments; returns the model and remarks. It raises
-      `ValueError` for unusable data.
-    - `accepts`: names of these arguments of `reproduce.posterior`.
-    - `optional`: optional columns.
+    - `read`: function of a file or table and keyword arguments. It raises `ValueError` for
+      unusable data.
+    - `accepts`: names of these arguments of `reproduce.posterior`, in addition to ``sep``.
     """
 
     columns: tuple[str, ...]
     meaning: str
-    read: Callable[Concatenate[DataTable, ...], tuple[Model, list[str]]]
+    read: Callable[..., Supplied]
     accepts: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,13 +103,10 @@ class Declaration:
     def plan(self, **numbers: int) -> Plan:
         """Return the sampling plan of the book, or a plan with other numbers of `Plan`."""
         book = Plan(ROOT_SEED, walkers=self.walkers, steps=self.steps)
-        plan = replace(book, **numbers)
-        return replace(plan, warmup=max(100, plan.steps // 4))
+        return replace(book, **numbers)
 
-    def supplied(
-        self, data: Any, settings: dict[str, Any]
-    ) -> tuple[DataTable, Model, list[str]]:
-        """Return your data, their model and remarks; raise `TableFileError` for unusable data.
+    def supplied(self, data: Any, settings: dict[str, Any]) -> Supplied:
+        """Return your data, their model and remarks; raise `ValueError` for unusable data.
 
         The priors of measured quantities are far wider than their errors. An instrument or a
         design that the data do not determine is by default the one of the paper.
@@ -134,15 +123,5 @@ class Declaration:
             raise ValueError(
                 f"{min(unknown)}: expected none for {self.key}. Leave it out"
             )
-        if file.columns == STARS:
-            table, settings = matched_stars(data, **settings)
-        else:
-            sep = settings.pop("sep", None)
-            table = read_table(data, file.columns, file.optional, sep)
-        with computing(table.path):
-            try:
-                return table, *file.read(table, **settings)
-            except TableFileError:
-                raise
-            except ValueError as error:
-                raise TableFileError(f"{table.path}: {error}") from error
+        with computing("data"):
+            return file.read(data, **settings)

@@ -239,9 +239,7 @@ class Posterior(ResultView):
         name, rows = "star", np.arange(len(likelihood.source)) + 1
         if table:
             # Stars of weight zero are omitted.
-            weights = table.numbers.get("weight", np.ones(len(table.values)))
-            weights = np.asarray(self._arguments.get("weights", weights))
-            name, rows = "row", np.flatnonzero(weights > 0)
+            name, rows = "row", np.flatnonzero(table.numbers["weight"])
         x, y = likelihood.source.T
         return pd.DataFrame(
             {

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator
@@ -29,12 +30,12 @@ from reproduce.papers.chen2023.platform import (
     platform_of,
     square_ratio,
 )
-from reproduce.papers.posteriors import Declaration, File
+from reproduce.papers.posteriors import Declaration, File, Supplied
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-from reproduce.store.points import DataTable
+from reproduce.store.points import read_table
 from reproduce.store.spots import IMAGES, SPOTS, images_of
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -88,13 +89,17 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 
 
 def _your_model(
-    table: DataTable, drifts: bool, platform: Platform | str | Path | None = None
-) -> tuple[Model, list[str]]:
-    """Return a misalignment, constant or with a drift in group 1, and remarks on the spots.
+    data: Any,
+    drifts: bool,
+    platform: Platform | str | Path | None = None,
+    sep: str | None = None,
+) -> Supplied:
+    """Return your spots, a misalignment, constant or with a drift in group 1, and remarks.
 
     The default platform is the platform of the paper. The remarks are the remarks of
     `reproduce.misalignment`.
     """
+    table = read_table(data, SPOTS, IMAGES, sep)
     design = platform_of(platform)
     pair, _ = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
@@ -107,12 +112,12 @@ def _your_model(
         remarks.append(f"{lost} images that lack a spot are omitted")
     if min(counts) < _MIN_IMAGES:
         raise ValueError(
-            f"expected {_MIN_IMAGES} or more images with all spots in each group, "
+            f"data: expected {_MIN_IMAGES} or more images with all spots in each group, "
             f"got {' and '.join(map(str, counts))}. Add images, which determine the scatter."
         )
     if not any(np.ptp(group, axis=0).any() for group in images):
         raise ValueError(
-            "expected spots that scatter from image to image, got equal spots in "
+            "data: expected spots that scatter from image to image, got equal spots in "
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
@@ -125,7 +130,7 @@ def _your_model(
         1e6 * scatter,
         "no scale preferred: a millionth to a million times the scatter of the spots",
     )
-    return model.with_priors(priors), remarks
+    return table, model.with_priors(priors), remarks
 
 
 def _file(drifts: bool) -> File:
@@ -136,7 +141,6 @@ def _file(drifts: bool) -> File:
         "frame if spots are lost",
         partial(_your_model, drifts=drifts),
         ("platform",),
-        IMAGES,
     )
 
 

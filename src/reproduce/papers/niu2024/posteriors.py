@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from reproduce.inference import Derived, Model, models
 from reproduce.papers.niu2024 import published, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.posteriors import Declaration, File
+from reproduce.papers.posteriors import Declaration, File, Supplied
 from reproduce.physics.optics import angle_from_pixels, channel_centroids
 from reproduce.physics.registration import (
     Problem,
@@ -35,7 +35,7 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-from reproduce.store.points import STARS, DataTable
+from reproduce.store.points import STARS, matched_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 
 # Function that returns the likelihood of the stars of a problem.
@@ -130,17 +130,18 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
 
 
 def _your_registration(
-    table: DataTable,
+    data: Any,
     kind: _Likelihood = models.GaussianRegistration,
     pivot: ArrayLike | None = None,
     **settings: Any,
-) -> tuple[Model, list[str]]:
-    """Return the registration of your stars, and the findings of `register`.
+) -> Supplied:
+    """Return your stars with their weights, their registration, and the findings of `register`.
 
     Stars of weight zero are omitted. An unknown noise is the noise of a star of mean weight. With
     wrong matches the findings belong to the robust fit.
     """
     robust = kind is not models.GaussianRegistration
+    table, settings = matched_stars(data, **settings)
     source, target = np.split(table.values, 2, axis=1)
     problem = prepare(source, target, checked_pivot(pivot, source), **settings)
     used = problem.rows(problem.counts > 0)
@@ -153,14 +154,15 @@ def _your_registration(
     # The mixture reports wrong matches.
     hidden = {"sensitive"} | ({"mismatched", "dropped"} if robust else set())
     texts = (one.text for one in found if one.kind not in hidden)
-    return model, list(dict.fromkeys(texts))
+    table = replace(table, numbers={**table.numbers, "weight": problem.counts})
+    return table, model, list(dict.fromkeys(texts))
 
 
 def _check_mixture(problem: Problem) -> None:
     """Raise `ValueError` if wrong matches are indistinguishable from the noise."""
     if len(problem.source) < _MIN_STARS_MIXTURE:
         raise ValueError(
-            f"expected {_MIN_STARS_MIXTURE} or more stars, got "
+            f"data: expected {_MIN_STARS_MIXTURE} or more stars, got "
             f"{len(problem.source)}. Use the posterior registration, or add stars."
         )
     # Equal displacements have no bound of the density, as their noise may be zero.
@@ -169,7 +171,7 @@ def _check_mixture(problem: Problem) -> None:
         2, _MAX_TIED * len(moves)
     ):
         raise ValueError(
-            "expected coordinates with more digits, got equal displacements of "
+            "data: expected coordinates with more digits, got equal displacements of "
             "many stars. Use the posterior registration, or add digits."
         )
 
