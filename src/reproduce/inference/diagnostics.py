@@ -80,7 +80,7 @@ def autocorrelation_time(chains: FloatArray) -> float:
     # About the common mean, so that ensembles that differ count as slow.
     inflation = chains.shape[2] * means.var() / variance
     walkers = _integrated_time(np.moveaxis(chains, 0, 1))
-    return max(walkers, float(_integrated_time(means) * inflation))
+    return max(walkers, _integrated_time(means) * inflation)
 
 
 def _effective_size(chains: FloatArray) -> float:
@@ -233,12 +233,12 @@ def summarised(name: str, unit: str, draws: FloatArray, stride: int = 1) -> Summ
     return Summary(
         name,
         unit,
-        float(draws.mean()),
-        float(draws.std()),
+        draws.mean(),
+        draws.std(),
         low,
         median,
         high,
-        mcse=float(draws.std() / np.sqrt(draws.size / time)),
+        mcse=draws.std() / np.sqrt(draws.size / time),
         mcse_end=max(_mcse_quantile(draws, end) for end in ENDS),
         rhat=_split_rhat(thinned(draws, time)),
         bulk=_effective_size(_rank_normalised(draws)),

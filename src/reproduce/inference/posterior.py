@@ -14,7 +14,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.random import PCG64, Generator, SeedSequence
+from numpy.random import Generator, SeedSequence, default_rng
 from numpy.typing import NDArray
 
 from reproduce.inference import diagnostics
@@ -138,7 +138,7 @@ class PosteriorSamples:
         import arviz_base
 
         model, likelihood = self.model, self.model.likelihood
-        generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
+        generator = default_rng(SeedSequence(self.seed, spawn_key=(98,)))
         prior = model.drawn_prior(generator, _MAX_SAVED_DRAWS)[None]
         rows, selected = self.selected
         log, pointwise = model.log_posterior(self.draws), self.log_likelihood()
@@ -189,7 +189,7 @@ class PosteriorSamples:
         import pandas as pd
 
         likelihood, draws = self.model.likelihood, self.draws
-        generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(99,))))
+        generator = default_rng(SeedSequence(self.seed, spawn_key=(99,)))
         rows = draws[np.linspace(0, len(draws) - 1, _REPLICATES).astype(int)]
         repeats = (likelihood.repeat(row, generator) for row in rows)
         predicted = pd.DataFrame(map(likelihood.checks, repeats))

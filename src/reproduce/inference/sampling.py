@@ -16,7 +16,7 @@ import emcee
 import numpy as np
 from emcee import moves
 from emcee.state import State
-from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
+from numpy.random import MT19937, RandomState, SeedSequence, default_rng
 from scipy.stats import multivariate_t
 
 from reproduce.inference.diagnostics import UnconvergedError, require
@@ -208,7 +208,7 @@ def run_ensemble(model: Model, plan: Plan, ensemble: int) -> tuple[FloatArray, f
         for fractions in (_WARMUP_FRACTIONS, _STEADY_FRACTIONS)
     )
     starts, steps = (SeedSequence(plan.seed, spawn_key=(ensemble, i)) for i in (0, 1))
-    points = model.start(Generator(PCG64(starts)), sampler.nwalkers)
+    points = model.start(default_rng(starts), sampler.nwalkers)
     state = State(
         model.coordinates(points),
         random_state=RandomState(MT19937(steps)).get_state(legacy=True),

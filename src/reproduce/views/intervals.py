@@ -7,15 +7,14 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reproduce.papers.charts import set_size
+from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 # Draws of quantities by their names.
 _Draws = Mapping[str, FloatArray]
 # Bounds of the central 95 %, of the central 50 %, and the median.

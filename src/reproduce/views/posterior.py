@@ -35,7 +35,7 @@ from reproduce.inference.models import (
     MixtureRegistration,
 )
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.validate import Text, checked
+from reproduce.physics.validate import FloatArray, Text, checked
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
@@ -47,7 +47,7 @@ from reproduce.views.blocks import Block, Blocks, Grid, Html, fold
 from reproduce.views.citations import cite_related
 from reproduce.views.export import export_frame
 from reproduce.views.figure import figure_block
-from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
+from reproduce.views.intervals import correlated_pair, draw_intervals
 from reproduce.views.numbers import digits, moments
 
 # Arguments that replace numbers of the book: seed of its data, and plan of the sampler.
@@ -182,8 +182,12 @@ class Posterior(ResultView):
         """
         data: dict[str, Any]
         if table := self._table:
-            data = {"kind": "file", "file": table.path, "rows": len(table.values)}
-            data["sha256"] = table.sha256
+            data = {
+                "kind": "file",
+                "file": table.path,
+                "rows": len(table.values),
+                "sha256": table.sha256,
+            }
         else:
             data = {
                 "kind": "simulated" if self.truth else "printed",
@@ -286,9 +290,16 @@ class Posterior(ResultView):
     @property
     def priors(self) -> pd.DataFrame:
         """Unit and prior of each parameter, with the reason."""
-        rows = [(p.name, p.unit, p.text, p.prior.reason) for p in self.model.parameters]
-        columns = ["parameter", "unit", "prior", "why"]
-        return pd.DataFrame(rows, columns=columns).set_index("parameter")
+        rows = [
+            {
+                "parameter": p.name,
+                "unit": p.unit,
+                "prior": p.text,
+                "why": p.prior.reason,
+            }
+            for p in self.model.parameters
+        ]
+        return pd.DataFrame(rows).set_index("parameter")
 
     @property
     def draws(self) -> pd.DataFrame:
@@ -469,7 +480,7 @@ class Posterior(ResultView):
 
     def record(self) -> dict[str, Any]:
         """Return the summary with its provenance for other programs."""
-        samples, priors = self.sampled, self.priors.rename_axis("name").reset_index()
+        samples, priors = self.sampled, self.priors.reset_index(names="name")
         sizes = zip(
             ("ensembles", "steps", "walkers"), samples.chain.shape, strict=False
         )
@@ -491,7 +502,7 @@ class Posterior(ResultView):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the summary, the convergence, the wrong matches, and warnings."""
-        truth, rows = {key: minus(f"{one:.6g}") for key, one in self.truth.items()}, []
+        truth, rows = self.truth, []
         for row in self.sampled.summaries():
             mean, ends = interval(row)
             texts = {
@@ -504,7 +515,7 @@ class Posterior(ResultView):
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
-        yield Grid.of(caption, rows[0], rows, identifier=identifier)
+        yield Grid.of(caption, rows[0], rows, digits=6, identifier=identifier)
         samples, frame = self.sampled, self.frame()
         ensembles, steps, walkers = samples.chain.shape[:3]
         yield (
@@ -521,21 +532,16 @@ class Posterior(ResultView):
     @property
     def findings(self) -> list[str]:
         """Warnings: priors, modes, predictive checks, stars that a robust fit drops, the data."""
-        dropped = [self._dropped] if self._dropped else []
-        return [*self.sampled.warnings(), *dropped, *self.remarks]
-
-    @property
-    def _dropped(self) -> str:
-        """Warning if a robust fit drops more stars than the mixture."""
-        if self._stars is None:
-            return ""
-        dropped = self._stars["dropped_by_robust_fit"].sum()
-        false = (self._stars["probability_false"] > 0.5).sum()
-        text = (
-            f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close to their "
-            "positions widen the noise; compare with register(robust=True)"
-        )
-        return text if dropped > false else ""
+        found, stars = [*self.sampled.warnings()], self._stars
+        if stars is not None:
+            dropped = stars["dropped_by_robust_fit"].sum()
+            false = (stars["probability_false"] > 0.5).sum()
+            if dropped > false:
+                found.append(
+                    f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close "
+                    "to their positions widen the noise; compare with register(robust=True)"
+                )
+        return found + self.remarks
 
 
 _NETCDF_PACKAGES = ("arviz_base", "h5netcdf")

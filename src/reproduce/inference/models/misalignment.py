@@ -115,9 +115,8 @@ class SpotLikelihood(Likelihood):
             turns = [0 * angle, angle - half, angle + half]
         spots = self.platform.predicted(np.stack(turns, axis=1), mount, lasers)
         zero, start, end = spots[:, 0], spots[:, 1], spots[:, -1]
-        means = np.stack([zero, 0.5 * (start + end)], axis=1)
-        slopes = np.stack([0 * zero, 0.5 * (end - start)], axis=1)
-        return np.stack([means, slopes], axis=1)
+        parts = [zero, 0.5 * (start + end), 0 * zero, 0.5 * (end - start)]
+        return np.stack(parts, axis=1).reshape(-1, *self.moments.shape)
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of white Gaussian noise, shape (n,).
@@ -178,12 +177,11 @@ class SpotLikelihood(Likelihood):
         The derivatives are by all parameters except the noise. Each residual, measured minus
         predicted, has the standard deviation of the noise.
         """
-        steps = np.eye(len(scale), len(centre)) * (_STEP_RATIO * scale)[:, None]
-        points = np.vstack([centre, centre - steps, centre + steps])
-        residuals, *others = self.residuals(points)
-        behind, ahead = np.split(np.array(others), 2)
-        response = (behind - ahead) / (2 * _STEP_RATIO * scale)[:, None]
-        return response.T, residuals
+        reach = _STEP_RATIO * scale[:, None]
+        steps = reach * np.eye(len(scale), len(centre))
+        behind, ahead = map(self.residuals, (centre - steps, centre + steps))
+        [residuals] = self.residuals(centre[None])
+        return ((behind - ahead) / (2 * reach)).T, residuals
 
     def checks(self, other: Self) -> dict[str, float]:
         """Return scatter, shape of the pattern and motion of its centre, in px."""

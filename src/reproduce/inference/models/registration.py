@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.random import PCG64, Generator
+from numpy.random import Generator, default_rng
 
 from reproduce.inference import (
     Estimate,
@@ -104,7 +104,7 @@ class GaussianRegistration(Likelihood):
         )
 
     @property
-    def _size(self) -> int:
+    def size(self) -> int:
         """Number of parameters of the transform."""
         return len(MODELS[self.problem.model])
 
@@ -112,7 +112,7 @@ class GaussianRegistration(Likelihood):
         """Return the noise, shape (n,), in px; one if the errors are known."""
         if self.problem.errors_known:
             return np.ones(len(parameters))
-        return parameters[:, self._size]
+        return parameters[:, self.size]
 
     def linear(self, parameters: FloatArray) -> FloatArray:
         """Return k cos(theta), k sin(theta) and shift of similarities, shape (n, 4).
@@ -120,7 +120,7 @@ class GaussianRegistration(Likelihood):
         The parameters of a shift and of an affine transform are linear themselves.
         """
         if self.problem.model != "similarity":
-            return parameters[:, : self._size]
+            return parameters[:, : self.size]
         factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
         return np.column_stack([factor.real, factor.imag, parameters[:, 2:4]])
 
@@ -128,7 +128,7 @@ class GaussianRegistration(Likelihood):
     def linear_normal(self) -> FloatArray:
         """Normal matrix in these coordinates, shape (p, p)."""
         # At a scale of one without rotation, they have the derivatives of the parameters.
-        unrotated = self.problem.transform(np.eye(self._size)[0])
+        unrotated = self.problem.transform(np.eye(self.size)[0])
         rows = unrotated.jacobian(self.source)
         return (rows.mT @ self.precision @ rows).sum(axis=0)
 
@@ -166,7 +166,7 @@ class GaussianRegistration(Likelihood):
         """Return the log likelihood of each star, shape (n, points)."""
         residuals, inverse = self.target - self.places(parameters), self.precision
         if self.problem.source_covariance.any():
-            inverse = self._precision(parameters[:, : self._size])
+            inverse = self._precision(parameters[:, : self.size])
         squares = np.vecdot(residuals, (inverse @ residuals[..., None])[..., 0])
         noise = self.noise(parameters)[:, None]
         return self._constant - 2 * np.log(noise) - squares / (2 * noise**2)
@@ -180,7 +180,7 @@ class GaussianRegistration(Likelihood):
         """
         points = self.source if source is None else source
         points = np.broadcast_to(points, (len(parameters), *points.shape))
-        return self.problem.transform(parameters[:, : self._size]).apply(points)
+        return self.problem.transform(parameters[:, : self.size]).apply(points)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the registration of target points drawn for one parameter vector."""
@@ -258,7 +258,7 @@ class GaussianRegistration(Likelihood):
         (points, 2), in px, are registered by the least-squares transform of the rightly matched
         stars. The angle belongs to the reference channel.
         """
-        generator = Generator(PCG64(_NOISE_SEED))
+        generator = default_rng(_NOISE_SEED)
         registered = self.right.fit.transform.apply(source)
         outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
         off = self.places(parameters, source) - registered
@@ -339,7 +339,7 @@ def registration_model(likelihood: GaussianRegistration) -> Model:
 def fitted_model(likelihood: GaussianRegistration) -> Model:
     """Return the registration of your stars, with priors far wider than the errors.
 
-    The bounds of a uniform prior are as far from the fit as the data allow.
+    A uniform prior reaches a million standard errors from the fit, a rotation any angle.
 
     Parameters
     ----------
@@ -366,8 +366,7 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
     uniform from -3.14159 to 3.14159
     """
     right, problem = likelihood.right, likelihood.right.problem
-    size = len(MODELS[problem.model])
-    least = (size + 1) // 2 + (0 if problem.errors_known else 2)
+    least = (right.size + 1) // 2 + (0 if problem.errors_known else 2)
     if len(problem.source) < least:
         raise ValueError(
             f"source: expected at least {least} points, got {len(problem.source)}. Add stars, or "
@@ -378,28 +377,21 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
             "target: expected points with noise, got points that fit without any error. Use "
             "`reproduce.register`"
         )
-    parameters = _wide_parameters(right.fit)
-    if not problem.errors_known:
-        residual = right.start()[0][size]
-        noise = LogUniform(
-            1e-9 * residual,
-            1e3 * residual,
-            "no scale preferred: a billionth to a thousand times the residuals of least squares",
-        )
-        parameters.append(
-            registration_parameter("noise", noise, likelihood.noise_scale)
-        )
-    return Model(likelihood.name, (*parameters, *likelihood.extra), likelihood)
-
-
-def _wide_parameters(fit: RegistrationFit) -> list[Parameter]:
-    """Return the parameters of a fit with uniform priors about it."""
-    columns, parameters = (fit.names, fit.parameters, fit.standard_errors), []
-    for name, value, error in zip(*columns, strict=True):
+    names, scales = (*right.fit.names, "noise"), {"noise": likelihood.noise_scale}
+    parameters = []
+    # Known errors are no parameter.
+    for name, value, error in zip(names, *right.start(), strict=False):
         half, reason = _STANDARD_ERRORS * error, "any: a million standard errors"
         if name == "rotation":
             half, reason = np.pi, "any: the full circle, cut opposite to least squares"
         low = 0.0 if name == "scale" else value - half
-        prior = Uniform(low, value + half, reason)
-        parameters.append(registration_parameter(name, prior))
-    return parameters
+        prior: Prior = Uniform(low, value + half, reason)
+        if name == "noise":
+            prior = LogUniform(
+                1e-9 * value,
+                1e3 * value,
+                "no scale preferred: a billionth to a thousand times the residuals of least "
+                "squares",
+            )
+        parameters.append(registration_parameter(name, prior, scales.get(name, "")))
+    return Model(likelihood.name, (*parameters, *likelihood.extra), likelihood)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.random import PCG64, Generator
+from numpy.random import default_rng
 
 from reproduce.inference import LogUniform, Model, Normal, Prior, Quantity
 from reproduce.inference.models import (
@@ -68,7 +68,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 
     The images of both groups are simulated.
     """
-    generator = Generator(PCG64(inputs.seed(2, int(drifts))))
+    generator = default_rng(inputs.seed(2, int(drifts)))
     frames, design = inputs.count(_FRAMES), as_designed(inputs)
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
     # The printed spots are closer together than the designed square: simulate the printed ones.

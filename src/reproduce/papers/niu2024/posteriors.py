@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.random import PCG64, Generator, default_rng
+from numpy.random import default_rng
 from numpy.typing import ArrayLike
 
 from reproduce.inference import Derived, Model, models
@@ -105,7 +105,7 @@ def _model(
     Its consequences are those at the test points.
     """
     green, red, _ = _noisy(inputs, true_centroids(inputs), 1)
-    order = Generator(PCG64(inputs.seed(4))).permutation(len(red))
+    order = default_rng(inputs.seed(4)).permutation(len(red))
     false = order[: round(wrong * len(red))]
     green[false] = green[np.roll(false, 1)]
     likelihood = kind(prepare(red, green, pivot(inputs)))
