@@ -112,5 +112,6 @@ def test_stars_that_only_a_robust_fit_drops_give_a_warning():
     dropped = {"dropped_by_robust_fit": ~model.likelihood.agreeing}
     for false, warned in ((8, True), (11, False)):
         columns = {"probability_false": (np.arange(40) < false) * 1.0, **dropped}
-        shown = SimpleNamespace(_stars=pd.DataFrame(columns))
-        assert ("drops" in Posterior._dropped.fget(shown)) == warned
+        others = {"sampled": SimpleNamespace(warnings=list), "remarks": []}
+        shown = SimpleNamespace(_stars=pd.DataFrame(columns), **others)
+        assert ("drops" in "".join(Posterior.findings.fget(shown))) == warned

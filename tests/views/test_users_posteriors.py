@@ -280,7 +280,6 @@ def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_p
     with pytest.raises(ValueError, match="path: "):
         found.save(tmp_path / "p.npz")
     tree = xarray.open_datatree(found.save(tmp_path / "p.nc"))
-    assert tree.attrs["kind_of_data"] == "file"
     for name in ("data", "versions"):
         assert json.loads(tree.attrs[name]) == record[name]
     assert record["versions"]["emcee"] == version("emcee")

@@ -209,6 +209,12 @@ class Likelihood(Protocol):
         """Return the log likelihood of each observation, shape (n, ...); by default of all data."""
         return self(parameters)[:, None]
 
+    @staticmethod
+    def white_noise(squares: FloatArray, count: float, noise: FloatArray) -> FloatArray:
+        """Return the log density of numbers with white noise, from the sum of their squares."""
+        constant = -count * np.log(np.sqrt(2 * np.pi) * noise)
+        return constant - squares / (2 * noise**2)
+
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of data drawn for one parameter vector, shape (d,)."""
 

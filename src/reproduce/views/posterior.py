@@ -269,7 +269,7 @@ class Posterior(ResultView):
     def source(self) -> str:
         """Source code of the function that makes the model, and of its likelihood."""
         kind = type(self.model.likelihood)
-        parts = self.declared.build, kind.__call__, kind.pointwise
+        parts = self.declared.build, kind.__call__, kind.pointwise, kind.white_noise
         return "\n\n".join(dedent(text_of(part)) for part in parts)
 
     @property
@@ -440,9 +440,10 @@ class Posterior(ResultView):
         if path.suffix.lower() == ".csv":
             write_text(path, export_frame(self.draws, "csv", self.provenance))
             return path
-        tree, data = self.sampled.to_datatree(), self.data_record
-        facts = {"data": json.dumps(data), "versions": json.dumps(_versions())}
-        tree.attrs |= {"kind_of_data": data["kind"]} | facts | self.provenance
+        tree = self.sampled.to_datatree()
+        facts = {"data": self.data_record, "versions": _versions()}
+        texts = {name: json.dumps(fact) for name, fact in facts.items()}
+        tree.attrs |= texts | self.provenance
         with replacing(path) as part:
             tree.to_netcdf(part)
         return path

@@ -124,10 +124,8 @@ class SpotLikelihood(Likelihood):
         It is exact for straight paths. A path that bends by b px changes it by less than size times
         b times the misfit over noise^2, which is negligible for rotations of arc seconds.
         """
-        noise = parameters[:, -1]
         squares = self.squares + np.square(self.residuals(parameters)).sum(axis=1)
-        constant = -self.size * (np.log(noise) + 0.5 * np.log(2 * np.pi))
-        return constant - squares / (2 * noise**2)
+        return self.white_noise(squares, self.size, parameters[:, -1])
 
     def residuals(self, parameters: FloatArray) -> FloatArray:
         """Return measured minus predicted moments, (n, m), each with the noise of one image."""
@@ -139,8 +137,8 @@ class SpotLikelihood(Likelihood):
         """Return the log likelihood of the mean of each spot, shape (n, groups, lasers)."""
         means = self.predicted(parameters)[:, 0]
         off = np.square(self.spots - means).sum(axis=-1)
-        variance = parameters[:, -1, None, None] ** 2 / self.counts[:, None]
-        return -np.log(2 * np.pi * variance) - off / (2 * variance)
+        noise = parameters[:, -1, None, None] / np.sqrt(self.counts[:, None])
+        return self.white_noise(off, 2, noise)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of simulated images for one parameter vector."""

@@ -143,8 +143,8 @@ class GaussianRegistration(Likelihood):
 
     @cached_property
     def _constant(self) -> FloatArray:
-        """Log density of each star at its predicted position for a noise of one, (points,)."""
-        return 0.5 * np.linalg.slogdet(self.precision)[1] - np.log(2 * np.pi)
+        """Logarithm of the root of the determinant of `precision`, (points,)."""
+        return 0.5 * np.linalg.slogdet(self.precision)[1]
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
@@ -153,9 +153,8 @@ class GaussianRegistration(Likelihood):
             return np.concatenate([part.sum(axis=-1) for part in parts])
         off = self.linear(parameters) - self.linear(self.fit.parameters[None])
         squares = self.fit.chi_square + np.vecdot(off @ self.linear_normal, off)
-        noise = self.noise(parameters)
-        constant = self._constant.sum() - 2 * len(self.target) * np.log(noise)
-        return constant - squares / (2 * noise**2)
+        white = self.white_noise(squares, self.target.size, self.noise(parameters))
+        return self._constant.sum() + white
 
     def parts(self, parameters: FloatArray) -> list[FloatArray]:
         """Return the parameter vectors in parts that fit into the memory."""
@@ -168,8 +167,9 @@ class GaussianRegistration(Likelihood):
         if self.problem.source_covariance.any():
             inverse = self._precision(parameters[:, : self.size])
         squares = np.vecdot(residuals, (inverse @ residuals[..., None])[..., 0])
-        noise = self.noise(parameters)[:, None]
-        return self._constant - 2 * np.log(noise) - squares / (2 * noise**2)
+        return self._constant + self.white_noise(
+            squares, 2, self.noise(parameters)[:, None]
+        )
 
     def places(
         self, parameters: FloatArray, source: FloatArray | None = None
