@@ -441,9 +441,8 @@ class Posterior(ResultView):
             write_text(path, export_frame(self.draws, "csv", self.provenance))
             return path
         tree = self.sampled.to_datatree()
-        facts = {"data": self.data_record, "versions": _versions()}
-        texts = {name: json.dumps(fact) for name, fact in facts.items()}
-        tree.attrs |= texts | self.provenance
+        data, versions = map(json.dumps, (self.data_record, _versions()))
+        tree.attrs |= {"data": data, "versions": versions} | self.provenance
         with replacing(path) as part:
             tree.to_netcdf(part)
         return path

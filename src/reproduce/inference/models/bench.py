@@ -31,15 +31,11 @@ def _averaging_moments(images: int, counts: tuple[int, ...]) -> tuple[FloatArray
     Means for unit white noise and for a unit floor, (m,), and traces of products for the white part
     and for the mixed part of their covariances, (m, m).
     """
-    forms, drift = [], _drift(images)
-    for count in counts:
-        averages = moving_average(np.eye(images), count)
-        centred = averages - averages.mean(axis=1, keepdims=True)
-        forms.append(centred @ centred.T / (averages.shape[1] - 1))
-    stacked = np.stack(forms)
-    bent = stacked @ drift
-    pairs = np.tensordot(stacked, stacked, axes=([1, 2], [2, 1]))
-    return np.trace(stacked, axis1=1, axis2=2), bent @ drift, pairs, bent @ bent.T
+    drift, every = _drift(images), np.eye(images)
+    # Quadratic forms of the images, whose values are the variances.
+    forms = np.stack([np.cov(moving_average(every, count)) for count in counts])
+    bent, pairs = forms @ drift, np.tensordot(forms, forms, axes=([1, 2], [2, 1]))
+    return np.trace(forms, axis1=1, axis2=2), bent @ drift, pairs, bent @ bent.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +62,15 @@ class AveragedNoise(Likelihood):
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
         ones, drifts, pairs, bent = _averaging_moments(self.images, self.counts)
-        white, floor = np.square(parameters.T)[..., None]
+        white, floor = np.square(parameters.T)[..., None, None]
         mean = white * ones + floor * drifts
-        covariance = (
-            2 * (white**2)[..., None] * pairs + 4 * (white * floor)[..., None] * bent
-        )
+        covariance = 2 * white**2 * pairs + 4 * white * floor * bent
         root, variance = np.sqrt(mean), np.diagonal(covariance, axis1=1, axis2=2)
-        covariance = covariance / (4 * root[:, :, None] * root[:, None])
         rounding = self.half_unit**2 / 3 * np.eye(len(self.counts))
-        total = covariance + rounding
-        residual = self.scatter - root * (1 - variance / mean**2 / 8)
-        scaled = np.linalg.solve(total, residual[..., None])[..., 0]
-        return -(np.linalg.slogdet(total)[1] + np.vecdot(residual, scaled)) / 2
+        total = covariance / (4 * root.mT * root) + rounding
+        residual = self.scatter - root * (1 - variance[:, None] / mean**2 / 8)
+        squares = residual @ np.linalg.solve(total, residual.mT)
+        return -(np.linalg.slogdet(total)[1] + squares[:, 0, 0]) / 2
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of standard deviations drawn for one parameter vector."""
@@ -144,12 +137,12 @@ class StageAngles(Likelihood):
 
     def start(self) -> Estimate:
         """Return least-squares estimates for the better order, with their errors, (2,) each."""
-        squares, states = np.square(self.motions).sum(), self.angles.shape[1]
+        both, angles = self._both.reshape(2, -1), self.angles.ravel()
+        squares = np.square(self.motions).sum()
         # A small angle is minus the motion over the focal length.
-        slopes = -(self.angles * self._both).sum(axis=(1, 2)) / squares
-        residuals = self.angles + slopes[:, None, None] * self._both
-        rms = np.sqrt(np.square(residuals).mean(axis=(1, 2)))
+        slopes = -both @ angles / squares
+        rms = np.sqrt(np.square(angles + slopes[:, None] * both).mean(axis=1))
         noise, slope = min(zip(rms, slopes, strict=True))
         # The noise of the zero state adds to the error.
-        spread = noise * np.sqrt((1 + states) / squares)
+        spread = noise * np.sqrt((1 + self.angles.shape[1]) / squares)
         return np.array([1 / slope, noise]), np.array([spread / slope**2, noise / 3])

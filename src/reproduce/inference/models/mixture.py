@@ -65,15 +65,15 @@ class DistortedRegistration(GaussianRegistration):
     ) -> FloatArray:
         """Undistort, scale and rotate, distort, shift: (n, points, 2), in px."""
         scale, rotation, x, y, _, undo, bend = parameters.T[..., None]
-        offsets = as_complex((self.source if source is None else source) - self.pivot)
         edge = np.abs(as_complex(self.source - self.pivot)).max()
+        points = self.source if source is None else source
+        offsets = as_complex(points - self.pivot) / edge
         # The ratio of ideal and measured radius is the root of a cubic polynomial.
-        squares = np.abs(offsets / edge) ** 2
-        term, ratio = undo / edge * squares, 1.0
+        term, ratio = undo / edge * np.abs(offsets) ** 2, 1.0
         for _ in range(_NEWTON_STEPS):
             ratio = (1 + 2 * term * ratio**3) / (1 + 3 * term * ratio**2)
         carried = scale * np.exp(1j * rotation) * ratio * offsets
-        carried = carried * (1 + bend / edge * np.abs(carried / edge) ** 2)
+        carried = carried * (edge + bend * np.abs(carried) ** 2)
         return as_points(carried - (x + 1j * y)) + self.pivot
 
     def start(self) -> Estimate:
