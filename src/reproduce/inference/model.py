@@ -269,6 +269,21 @@ class Parameter:
         """Its prior in the displayed unit."""
         return str(self.prior.in_unit(self.shown))
 
+    def with_prior(self, prior: Prior | tuple[float, float] | str) -> Self:
+        """Return the parameter with a prior, or two bounds of one, in the displayed unit."""
+        try:
+            if not isinstance(prior, Prior):
+                ends = prior.split(",") if isinstance(prior, str) else prior
+                low, high = map(float, ends)
+                prior = Uniform(low, high, "bounds given by the user")
+            if isinstance(self.prior, LogUniform) or self.natural == 0:
+                prior = prior.above_zero()
+        except (TypeError, ValueError) as error:
+            raise ValueError(
+                f"prior of {self.name}: {error}. Give two bounds"
+            ) from error
+        return replace(self, prior=prior.in_unit(1 / self.shown))
+
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
@@ -371,15 +386,19 @@ class Model:
         total[inside] += self.log_volume(parameters[inside])
         return total
 
-    def with_priors(self, priors: Mapping[str, Prior]) -> Model:
-        """Return the model with other priors, by name; an unknown name is a ValueError."""
+    def with_priors(self, priors: Mapping[str, Prior | tuple[float, float]]) -> Model:
+        """Return the model with priors in displayed units, by name, as in `Parameter.with_prior`.
+
+        An unknown name is a ValueError.
+        """
         if unknown := priors.keys() - set(self.names):
             raise ValueError(
                 f"priors: expected names among {', '.join(self.names)}, got "
                 f"{', '.join(sorted(map(str, unknown)))}. Check the spelling"
             )
         parameters = (
-            replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters
+            p.with_prior(priors[p.name]) if p.name in priors else p
+            for p in self.parameters
         )
         return replace(self, parameters=tuple(parameters))
 

@@ -21,13 +21,9 @@ from markupsafe import Markup
 from numpy.random import default_rng
 
 from reproduce.inference import (
-    LogUniform,
-    Parameter,
     PosteriorSamples,
-    Prior,
     Progress,
     Summary,
-    Uniform,
     sampling,
 )
 from reproduce.inference.models import (
@@ -112,12 +108,7 @@ class Posterior(ResultView):
             if settings:
                 raise ValueError(f"{min(settings)}: expected data with it, got none")
             model = self.declared.model(data_seed)
-        own = {
-            one.name: _prior(one, self._priors[one.name])
-            for one in model.parameters
-            if one.name in self._priors
-        }
-        self.model = model.with_priors({**self._priors, **own})
+        self.model = model.with_priors(self._priors)
 
     @property
     def changes(self) -> str:
@@ -576,19 +567,3 @@ def _named(priors: Any) -> Mapping[str, Any]:
             "{name: (low, high)}"
         )
     return priors or {}
-
-
-def _prior(parameter: Parameter, prior: Prior | tuple[float, float] | str) -> Prior:
-    """Return your prior, perhaps as text, in SI units; its numbers are in the displayed unit."""
-    try:
-        if not isinstance(prior, Prior):
-            ends = prior.split(",") if isinstance(prior, str) else prior
-            low, high = map(float, ends)
-            prior = Uniform(low, high, "bounds given by the user")
-        if isinstance(parameter.prior, LogUniform) or parameter.natural == 0:
-            prior = prior.above_zero()
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"prior of {parameter.name}: {error}. Give two bounds"
-        ) from error
-    return prior.in_unit(1 / parameter.shown)

@@ -12,7 +12,6 @@ from reproduce.inference.models.bench import (
     StageAngles,
 )
 from reproduce.inference.models.misalignment import (
-    AXES,
     SpotLikelihood,
     misalignment_model,
 )

@@ -28,7 +28,6 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
-AXES = "xyz"
 # Standard deviation of the prior of the zero attitude, in radians.
 _MOUNT_SIGMA = 5e-3
 # Steps of the central differences, as fractions of the scale of each parameter.
@@ -196,7 +195,7 @@ class SpotLikelihood(Likelihood):
 def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC_PER_RADIAN)
-        for a in AXES
+        for a in "xyz"
     )
 
 

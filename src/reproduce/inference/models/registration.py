@@ -313,7 +313,7 @@ def registration_model(likelihood: GaussianRegistration) -> Model:
         extent,
         "the field itself: with a larger shift the channels would share no star",
     )
-    priors: dict[str, Prior] = {
+    priors = {
         "scale": Uniform(
             0.5,
             2.0,
@@ -321,8 +321,8 @@ def registration_model(likelihood: GaussianRegistration) -> Model:
             "form needs",
         ),
         "rotation": Uniform(
-            -0.5,
-            0.5,
+            -0.5 * DEGREES_PER_RADIAN,
+            0.5 * DEGREES_PER_RADIAN,
             "half a radian: detectors behind one prism are mounted the same way round",
         ),
         "shift-x": shift,

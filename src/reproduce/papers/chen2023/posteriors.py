@@ -18,7 +18,6 @@ from numpy.random import default_rng
 
 from reproduce.inference import LogUniform, Model, Normal, Prior, Quantity
 from reproduce.inference.models import (
-    AXES,
     SpotLikelihood,
     misalignment_model,
 )
@@ -44,7 +43,8 @@ INPUTS = (*INSTRUMENT, "chen2023/table-3", _FRAMES, *satellite.CAMERA)
 # Misalignment of the simulation, of the size that the text expects in orbit, with a roll.
 _TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
 _DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
-_ANGLE_PRIOR = Normal(0.0, 0.1, "six degrees: far wider than any angle of a platform")
+# Prior of the angles of your platform, in arcsec.
+_ANGLE_PRIOR = Normal(0.0, 20_000.0, "far wider than any angle of a platform")
 # Images of a group that determine its scatter.
 _MIN_IMAGES = 3
 
@@ -73,16 +73,16 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
     # The printed spots are closer together than the designed square: simulate the printed ones.
     lasers = square_ratio(design) * design.lasers
-    zero, half = np.zeros(3), drifts * _DRIFT / 2
-    groups = []
-    for first, last in ((zero, zero), (_TRUTH - half, _TRUTH + half)):
-        angles = np.linspace(first, last, frames)
+    zero, groups = np.zeros(3), []
+    for middle, half in ((zero, zero), (_TRUTH, drifts * _DRIFT / 2)):
+        angles = np.linspace(middle - half, middle + half, frames)
         true = design.predicted(angles, lasers=lasers)
         groups.append(true + noise * generator.normal(size=true.shape))
-    names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in AXES)
-    truth = zip(names, np.append(_TRUTH, _DRIFT).tolist(), strict=True)
+    model = misalignment_model(SpotLikelihood.of(design, groups, drifts))
+    # The angles, then the drifts if they are parameters.
+    truth = zip(model.names[3:-2], [*_TRUTH, *_DRIFT], strict=False)
     return replace(
-        misalignment_model(SpotLikelihood.of(design, groups, drifts)),
+        model,
         consequences=partial(_on_the_ground, altitude=satellite.altitude(inputs)),
         truth=dict(truth),
     )
