@@ -90,6 +90,6 @@ def _draw_interval(axes: Axes, values: FloatArray, height: float, colour: str) -
         side="high",
     )["bodies"]
     bodies[0].set(facecolor=colour, edgecolor="none", alpha=0.2)
-    axes.plot([low, high], [height] * 2, color=colour, linewidth=1.5)
-    axes.plot([lower, upper], [height] * 2, color=colour, linewidth=5)
+    ends = [low, lower], [high, upper]
+    axes.hlines([height] * 2, *ends, colour, linewidths=[1.5, 5.0])
     axes.plot(median, height, "o", color=colour, markeredgecolor="w", markersize=7)

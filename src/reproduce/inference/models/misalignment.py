@@ -108,12 +108,10 @@ class SpotLikelihood(Likelihood):
         """Return predicted means and slopes of the spots, (n, 2, groups, lasers, 2), in px."""
         mount, angle = parameters[:, None, :3], parameters[:, 3:6]
         lasers = parameters[:, -2, None, None, None] * self.platform.lasers
-        turns = [0 * angle, angle]
-        if self.drifts:
-            half = 0.5 * parameters[:, 6:9]
-            turns = [0 * angle, angle - half, angle + half]
-        spots = self.platform.predicted(np.stack(turns, axis=1), mount, lasers)
-        zero, start, end = spots[:, 0], spots[:, 1], spots[:, -1]
+        half = 0.5 * parameters[:, 6:9] if self.drifts else 0 * angle
+        turns = np.stack([0 * angle, angle - half, angle + half], axis=1)
+        spots = self.platform.predicted(turns, mount, lasers)
+        zero, start, end = np.moveaxis(spots, 1, 0)
         parts = [zero, 0.5 * (start + end), 0 * zero, 0.5 * (end - start)]
         return np.stack(parts, axis=1).reshape(-1, *self.moments.shape)
 

@@ -199,7 +199,7 @@ class GaussianRegistration(Likelihood):
         fit = self.fit
         if fit.errors_known:
             return fit.parameters, fit.standard_errors
-        freedom = float(fit.degrees_of_freedom)
+        freedom = fit.degrees_of_freedom
         noise = np.sqrt(fit.chi_square / freedom)
         last = noise / np.sqrt(2 * freedom)
         return np.append(fit.parameters, noise), np.append(fit.standard_errors, last)
@@ -215,8 +215,8 @@ class GaussianRegistration(Likelihood):
             return super().exact(count, generator)
         fit, noise = self.fit, np.ones(count)
         if not fit.errors_known:
-            freedom = float(fit.degrees_of_freedom)
-            noise = np.sqrt(fit.chi_square / generator.chisquare(freedom, count))
+            scaled = generator.chisquare(fit.degrees_of_freedom, count)
+            noise = np.sqrt(fit.chi_square / scaled)
         normal = generator.normal(size=(count, 4))
         root = np.linalg.cholesky(np.linalg.inv(self.linear_normal))
         rows = self.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
