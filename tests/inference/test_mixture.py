@@ -112,6 +112,8 @@ def test_stars_that_only_a_robust_fit_drops_give_a_warning():
     dropped = {"dropped_by_robust_fit": ~model.likelihood.agreeing}
     for false, warned in ((8, True), (11, False)):
         columns = {"probability_false": (np.arange(40) < false) * 1.0, **dropped}
-        others = {"sampled": SimpleNamespace(warnings=list), "remarks": []}
-        shown = SimpleNamespace(_stars=pd.DataFrame(columns), **others)
+        sampled = SimpleNamespace(warnings=list)
+        shown = SimpleNamespace(
+            _stars=pd.DataFrame(columns), sampled=sampled, remarks=[]
+        )
         assert ("drops" in "".join(Posterior.findings.fget(shown))) == warned

@@ -18,7 +18,7 @@ from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 from reproduce.store.points import DataTable, TableFileError, computing, is_table
 
 # Your data, their model, and remarks on them.
-Supplied = tuple[DataTable, Model, list[str]]
+Supplied = tuple[DataTable | None, Model, list[str]]
 # Sampled steps of an ensemble: more than fifty autocorrelation times.
 _STEPS = 270
 
@@ -106,11 +106,17 @@ class Declaration:
         return replace(book, **numbers)
 
     def supplied(self, data: Any, settings: dict[str, Any]) -> Supplied:
-        """Return your data, their model and remarks; raise `ValueError` for unusable data.
+        """Return your data, their model and remarks, or the model with the data of the book.
 
-        The priors of measured quantities are far wider than their errors. An instrument or a
-        design that the data do not determine is by default the one of the paper.
+        The priors of your measured quantities are far wider than their errors. An instrument or a
+        design that the data do not determine is by default the one of the paper. Unusable data are
+        a `ValueError`.
         """
+        if data is None:
+            data_seed = settings.pop("data_seed", None)
+            if settings:
+                raise ValueError(f"{min(settings)}: expected data with it, got none")
+            return None, self.model(data_seed), []
         if not is_table(data):
             raise TypeError(
                 "data: expected a file or a table with named columns, got "

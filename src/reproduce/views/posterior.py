@@ -35,7 +35,6 @@ from reproduce.physics.validate import FloatArray, Text, checked
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
-from reproduce.store.points import DataTable
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import ResultView, text_of
@@ -99,15 +98,7 @@ class Posterior(ResultView):
         self._arguments = {"data": data, **settings}
         plan = {key: settings.pop(key) for key in _NUMBERS[1:] if key in settings}
         self.plan = self.declared.plan(**plan)
-        self._table: DataTable | None = None
-        self.remarks: list[str] = []
-        if data is not None:
-            self._table, model, self.remarks = self.declared.supplied(data, settings)
-        else:
-            data_seed = settings.pop("data_seed", None)
-            if settings:
-                raise ValueError(f"{min(settings)}: expected data with it, got none")
-            model = self.declared.model(data_seed)
+        self._table, model, self.remarks = self.declared.supplied(data, settings)
         self.model = model.with_priors(self._priors)
 
     @property
@@ -273,8 +264,8 @@ class Posterior(ResultView):
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""
-        rows = pd.DataFrame(self.sampled.summaries()).set_index("name")
-        return rows.rename_axis("parameter")
+        rows = pd.DataFrame(self.sampled.summaries())
+        return rows.set_index("name").rename_axis("parameter")
 
     summary = frame
 
