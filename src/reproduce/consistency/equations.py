@@ -162,10 +162,10 @@ def _roll_leak(inputs: Inputs) -> _Values:
     )
     across, along = (spots.mean(axis=0) - optics.detector_centre(size)) * scale
     reference = rotation_from_vector([-along, across, 0.0])
-    rolled = reference @ rotation_from_vector(60 * RADIANS_PER_ARCSEC * np.eye(3)[2])
+    rolled = reference @ rotation_from_vector([0.0, 0.0, 60 * RADIANS_PER_ARCSEC])
     forms = rolled @ reference.T, attitude.misalignment_between(rolled, reference)
-    angles = [attitude.misalignment_angles(form) for form in forms]
-    return *(np.hypot(*angle[:2]) / RADIANS_PER_ARCSEC for angle in angles), 0.0
+    x, y, _ = attitude.misalignment_angles(forms).T
+    return *(np.hypot(x, y) / RADIANS_PER_ARCSEC), 0.0
 
 
 def _stage_angle(inputs: Inputs) -> _Values:
@@ -197,15 +197,11 @@ def _misalignment_side(inputs: Inputs) -> _Values:
     turn = inputs["chen2023/text-effectiveness#simulated-angle"]
     boresights = inputs["chen2023/text-satellite#boresight-angle"]
     installed = rotation_from_vector([boresights, 0.0, 0.0])
-    gaps = []
-    for axis in np.eye(2, 3):
-        moved = rotation_from_vector(turn * axis)
-        corrected = installed @ moved.T  # (8), inverted
-        forms = moved.T, attitude.misalignment_in_tracker(moved, installed)
-        gaps.append(
-            [np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms]
-        )
-    return *(np.max(gaps, axis=0) / RADIANS_PER_ARCSEC), 0.0
+    moved = rotation_from_vector(turn * np.eye(2, 3))
+    corrected = installed @ moved.mT  # (8), inverted
+    forms = moved.mT, attitude.misalignment_in_tracker(moved, installed)
+    gaps = [(form @ installed - corrected)[..., 2] for form in forms]
+    return *(np.linalg.norm(gaps, axis=-1).max(axis=-1) / RADIANS_PER_ARCSEC), 0.0
 
 
 def _line_of_sight(inputs: Inputs) -> _Values:
