@@ -4,7 +4,6 @@
 cell. ``{questions} niu2024`` lists the questions of a paper, sorted by their number of cells.
 """
 
-import tomllib
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -13,9 +12,8 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from after_build import SAFE
-from reproduce.judge.ledger import frozen
-from reproduce.locate import data_folder
-from reproduce.printed.cells import anchor, library
+from reproduce.judge.ledger import entries, frozen
+from reproduce.printed.cells import anchor, find, library
 
 FOLD = " <details><summary>The numbers</summary>{}.</details>"
 
@@ -41,12 +39,8 @@ class Question:
 
 def questions(paper: str) -> list[Question]:
     """Return the questions to the authors of a paper, sorted by their number of cells."""
-    text = (data_folder() / "letters.toml").read_text(encoding="utf-8")
-    asked = [
-        complete(**one)
-        for one in tomllib.loads(text)["question"]
-        if one["paper"] == paper
-    ]
+    every = entries("letters.toml", "question")
+    asked = [complete(**one) for one in every if one["paper"] == paper]
     return sorted(asked, key=lambda one: -len(one.cells))
 
 
@@ -93,8 +87,7 @@ def settles(question: Question, number: dict[str, int]) -> str:
 
 def cell(address: str) -> str:
     """Return a link to a cell with its label."""
-    key, _, name = address.partition("#")
-    return link(anchor(address), library()[key][name].label)
+    return link(anchor(address), find(address)[0].label)
 
 
 class Questions(SphinxDirective):

@@ -72,11 +72,10 @@ class MovedDirective(SphinxDirective):
         for entry in release.get("moved", ()):
             rows: dict[tuple[str, ...], list[Markup]] = {}
             for cell in entry["cells"]:
-                key, _, name = cell.partition("#")
                 record = record_of(cell)
                 why = record.reason or record.why
-                rows.setdefault((key, *found[cell], why), []).append(
-                    LINK.format(anchor(cell), library()[key][name].label)
+                rows.setdefault((record.key, *found[cell], why), []).append(
+                    LINK.format(anchor(cell), record.printed_cell.label)
                 )
             lines = [
                 (

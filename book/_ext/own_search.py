@@ -79,8 +79,7 @@ def of_items(held: dict[str, str]) -> Iterator[Entry]:
                 shown = (
                     f"{cell.shown}, printed in {cell.place} of {paper}: {cell.label}"
                 )
-                plain = getattr(cell.content, "text", cell.content)
-                numbers = dict.fromkeys([str(plain), str(cell.shown), cell.name])
+                numbers = dict.fromkeys([cell.text, cell.shown, cell.name])
                 yield place, shown, [cell.address], [*numbers], ""
 
 
