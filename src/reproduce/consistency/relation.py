@@ -299,7 +299,7 @@ def _relation(
 
 def _bound(pattern: str, cells: Sheet) -> tuple[str, ...]:
     """Return the addresses behind a name of a formula."""
-    matches = tuple(a for a in cells if fnmatch.fnmatchcase(a, pattern))
+    matches = tuple(fnmatch.filter(cells, pattern))
     if not matches:
         raise ValueError(
             f"cells: expected an address, got {pattern!r}, which matches no printed number. "
