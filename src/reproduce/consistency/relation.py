@@ -73,7 +73,7 @@ class Formula:
         terms = [left]
         if left.startswith("abs(") and self.sign == "<=":
             # An absolute value is below a limit if the value and its negative are.
-            terms = [left.replace("abs(", sign) for sign in ("(", "-(")]
+            terms = [left.replace("abs(", sign, 1) for sign in ("(", "-(")]
         self._codes = [
             compile(side, "<formula>", "eval") for side in (left, right, *terms)
         ]
