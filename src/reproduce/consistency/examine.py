@@ -73,9 +73,9 @@ def _ends(relation: Relation, cells: Sheet, rule: str = "") -> _Ends:
 class RelationResult:
     """The result for one relation.
 
-    `left` and `right` are its sides with the printed values inserted, in SI; NaN with an unknown
-    that nothing fixes. `rescued_by` is the rounding rule that lifts a contradiction if all numbers
-    were rounded by it.
+    `left` and `right` are its sides with the printed values inserted, in SI, and with the middle of
+    the common values of its unknown. `rescued_by` is the rounding rule that lifts a contradiction
+    if all numbers were rounded by it.
     """
 
     relation: Relation
@@ -91,17 +91,13 @@ class Agreement:
 
     `by_relation` has the interval that each relation allows, without empty intervals. `common` has
     the values that the largest agreeing set allows, and `members` the relations of this set. If
-    several sets are largest, the members are the relations that all of these sets contain.
+    several sets are largest, the members are the relations that all of these sets contain. Without
+    members, all values of the domain are common.
     """
 
     by_relation: dict[str, Interval]
     common: Interval
     members: tuple[str, ...]
-
-    @property
-    def value(self) -> float:
-        """The middle of the values in common; NaN if no relation allows any."""
-        return sum(self.common) / 2 if self.members else math.nan
 
 
 def _gaps(
@@ -216,7 +212,9 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
     beyond_rounding = _contradicted(cells, relations, "digits")
     shared, results = agreements(cells, relations), []
     for relation in relations:
-        unknown = shared[relation.unknown.name].value if relation.unknown else math.nan
+        unknown = math.nan
+        if relation.unknown:
+            unknown = sum(shared[relation.unknown.name].common) / 2
         # An equation need only give the printed digits of its result.
         ends = _ends(relation, cells, "exact")
         if relation.result:
