@@ -268,7 +268,7 @@ def anchor(address: str) -> str:
     return re.sub("[/#.]", "-", address)
 
 
-def build(content: Any, key: str) -> PrintedTable:
+def _build(content: Any, key: str) -> PrintedTable:
     """Return the table of the content of a file.
 
     Each cell has the traits of its file, column and row that its entry does not have.
@@ -321,7 +321,7 @@ def library() -> dict[str, PrintedTable]:
     '0.9973'
     """
     return {
-        (key := f"{paper}/{path.stem}"): build(read_toml(path, _File), key)
+        (key := f"{paper}/{path.stem}"): _build(read_toml(path, _File), key)
         for paper, folder in papers().items()
         for path in sorted((folder / "printed" / paper).glob("*.toml"))
     }
