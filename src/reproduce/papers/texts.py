@@ -32,14 +32,11 @@ class Column:
     zero : float
         Smaller numbers are rounding noise and shown as 0. Smaller probabilities are shown as
         a bound.
-    error : str
-        Name of the column with the standard error, which is shown after ± in the same form.
     """
 
     name: str
     form: str = ""
     zero: float = 0.0
-    error: str = ""
 
 
 @dataclass(frozen=True, config=_STRICT)

@@ -11,16 +11,16 @@ if TYPE_CHECKING:
     from reproduce.papers.declare import Column, Fact
 
 
-def entry(value: float | str, style: Column | Fact, error: float | None = None) -> str:
-    """Return a number with its error, both in the format of a column or of a fact.
+def entry(value: float | str, style: Column | Fact) -> str:
+    """Return a number in the format of a column or of a fact.
 
     An infinite value is ``any``. A value below the zero of the style is 0.
 
     Examples
     --------
     >>> from reproduce.papers.declare import Column
-    >>> entry(1.0, Column("RMSE (px)", ".3f"), 0.0423), entry(2e-9, Column("p", "chance"))
-    ('1.000 ± 0.042', '10⁻⁹')
+    >>> entry(1.0, Column("RMSE (px)", ".3f")), entry(2e-9, Column("p", "chance"))
+    ('1.000', '10⁻⁹')
     """
     if value != value:  # NaN
         return ""
@@ -29,8 +29,7 @@ def entry(value: float | str, style: Column | Fact, error: float | None = None) 
     if style.form == "chance":
         return _power(value, style.zero)
     small, limit = abs(value) < style.zero, math.isinf(value)
-    text = "0" if small else "any" if limit else minus(f"{value:{style.form}}")
-    return text if error is None else f"{text} ± {error:{style.form}}"
+    return "0" if small else "any" if limit else minus(f"{value:{style.form}}")
 
 
 def fact(quoted: Fact) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from reproduce.papers.declare import Column, Study, study
+from reproduce.papers.declare import Study, study
 from reproduce.views import numbers
 from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Grid, Html
@@ -70,15 +70,15 @@ class StudyTable(Rerunnable):
         ValueError
             If there is no such column of numbers, or no row has such an entry.
         """
-        chosen, first = rows or {}, self._columns[0].name
+        chosen, every = rows or {}, self._declared.text.columns
         for name in chosen:
             check_choice("rows", name, [*self.frame()])
         before = _selected(self.frame(), chosen)
-        known = {c.name: c for c in self._columns if c.form}
+        known = {c.name: c for c in every if c.form}
         for name in columns:
             check_choice("columns", name, known)
-        shown = [*columns] or [name for name in known if name != first]
-        heads = [c.name for c in self._columns if not c.form] or [first]
+        shown = [*columns] or [name for name in known if name != every[0].name]
+        heads = [c.name for c in every if not c.form] or [every[0].name]
         heads = [name for name in heads if before[name].nunique() > 1]
 
         def compute(step: Change) -> Iterator[Point]:
@@ -100,13 +100,6 @@ class StudyTable(Rerunnable):
             self.title, moved, values, compute, "values for the printed inputs"
         )
 
-    @property
-    def _columns(self) -> list[Column]:
-        """The columns, without the errors of other columns."""
-        columns = self._declared.text.columns
-        errors = {column.error for column in columns}
-        return [column for column in columns if column.name not in errors]
-
     def frame(self) -> pd.DataFrame:
         """Return the numbers, in the units of the column names."""
         frame: pd.DataFrame = self._made
@@ -114,10 +107,10 @@ class StudyTable(Rerunnable):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the formatted table, or its first rows."""
-        frame, columns = self.frame(), self._columns
+        frame, columns = self.frame(), self._declared.text.columns
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
         rows = [
-            [numbers.entry(row[c.name], c, row.get(c.error)) for c in columns]
+            [numbers.entry(row[c.name], c) for c in columns]
             for row in frame.head(_MAX_ROWS).to_dict("records")
         ]
         where = element(self.key)

@@ -112,7 +112,7 @@ def test_the_implied_focal_lengths_by_hand():
     least = 19.99e-3 / np.tan(2.006 * ARCSEC)
     assert least < facts["shared-low"] < facts["shared-high"] < least + 1.0
     # Both positions of a motion and the angle are rounded.
-    error = rp.table("chen2023/focal-lengths").frame()["error with the other"][0]
+    error = rp.table("chen2023/focal-lengths").frame()["error with the other (mm)"][0]
     expected = least * (0.01 / 19.99 + 0.0005 / 2.006)
     assert error == pytest.approx(expected, rel=1e-5)
     nominal, common = (
