@@ -41,6 +41,7 @@ from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import ConsistencyAudit, errata_register
 from reproduce.views.contents import Contents
 from reproduce.views.export import export_frame, provenance_of, table_files
+from reproduce.views.figure import Figure
 from reproduce.views.reports import FORMS, report
 from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
@@ -335,6 +336,19 @@ def write_parquet(frame: pd.DataFrame, path: Path, about: Mapping[str, str]) -> 
         base.execute(
             f"COPY rows TO {quoted(str(path))} (FORMAT parquet, KV_METADATA {{{metadata}}})"
         )
+
+
+def write_figure(key: str, root: Path) -> None:
+    """Write the images and the data of a figure below the root of the book."""
+    shown = Figure(key)
+    shown.vectors()
+    (root / "figures").mkdir(parents=True, exist_ok=True)
+    *images, table = (root / name for name in shown.files)
+    write_text(table, shown.export("csv"))
+    for path in images:
+        shown.save(path)
+        if not isinstance(shown.drawn, str):
+            shown.drawn.set_layout_engine("none")  # the layout stays as it is
 
 
 def write_tables(folder: Path) -> None:

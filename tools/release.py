@@ -35,7 +35,9 @@ from reproduce.version import (
     commit,
     version,
 )
-from reproduce.views.verify import marks, released
+from reproduce.views.citations import mark, statement
+from reproduce.views.computed import whole_ledger
+from reproduce.views.verify import released
 
 ROOT = Path(__file__).resolve().parent.parent
 SPDX = "https://spdx.org/licenses/"
@@ -260,10 +262,11 @@ def kept() -> str:
     for word in VERDICTS:
         cells = [cell for cell, one in frozen().items() if one.verdict == word]
         lines.append(f"{word} = {json.dumps(cells, indent=4)}")
+    marks = [mark(statement(record)) for record in whole_ledger().records]
     lines += ["", "[marks]"]
     lines += [
         f'"{name}" = {json.dumps(found, indent=4)}'
-        for name, found in {**released(), version(): marks()}.items()
+        for name, found in {**released(), version(): marks}.items()
     ]
     return "\n".join(lines) + "\n"
 

@@ -64,13 +64,13 @@ def numbers(book: Path) -> dict[str, Task]:
 
     if (book / "_build" / "facts.json").is_file():
         return {}
-    views, downloads = "reproduce.views", book / "_extra"
+    downloads = book / "_extra"
     tasks: dict[str, Task] = {"ledger": partial(write_ledger, downloads)}
     for name in posteriors():
-        sample = partial(call, f"{views}.posterior", "book_posterior", name)
+        sample = partial(call, "reproduce.views.posterior", "book_posterior", name)
         tasks[f"posterior {name}"] = sample
     for key in drawable():
-        draw = partial(call, f"{views}.figure", "write_figure", key, downloads)
+        draw = partial(call, "book_facts", "write_figure", key, downloads)
         tasks[f"figure {key}"] = draw
     return tasks
 

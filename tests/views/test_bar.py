@@ -7,6 +7,7 @@ import pytest
 from bs4 import BeautifulSoup
 
 import reproduce as rp
+from book_facts import write_figure
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import anchor, library
 from reproduce.views import figure as figures
@@ -61,7 +62,7 @@ def test_figures_have_caption_citation_and_files(tmp_path, monkeypatch):
         assert "</span>What &lt;is&gt; drawn.</figcaption>" in html
         assert re.findall(r'href="#(figures/[^"]+)"', html) == files
         assert anchor(key) in html[html.index("<summary>Cite") :]
-        figures.write_figure(key, tmp_path)
+        write_figure(key, tmp_path)
         paths = [tmp_path / path for path in files]
         assert "".join(path.suffix for path in paths) == endings
         assert all(path.stat().st_size > 0 for path in paths)

@@ -26,7 +26,7 @@ from reproduce.papers.declare import Drawing, Schematic, drawing, item_text
 from reproduce.printed.cells import anchor, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import powers
-from reproduce.store.files import FIGURES, check_target, replacing, write_text
+from reproduce.store.files import FIGURES, check_target, replacing
 from reproduce.views import computed, keys
 from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Display, Html, rendered
@@ -100,19 +100,6 @@ def _content(figure: _Drawn, form: str, note: str = "") -> bytes:
     svg = re.sub(r">\s*\n\s*<", "><", buffer.getvalue().decode())
     svg = re.sub(r"\s*\n\s*", " ", svg[svg.index("<svg") :])
     return (_XML + _FONTS.sub(r"\1, sans-serif", svg)).encode()
-
-
-def write_figure(key: str, root: Path) -> None:
-    """Write the images and the data of a figure below the root of the book."""
-    shown = Figure(key)
-    shown.vectors()
-    (root / "figures").mkdir(parents=True, exist_ok=True)
-    *images, table = (root / name for name in shown.files)
-    write_text(table, shown.export("csv"))
-    for path in images:
-        shown.save(path)
-        if not isinstance(shown.drawn, str):
-            shown.drawn.set_layout_engine("none")  # the layout stays as it is
 
 
 def _vectors_of(*figures: _Drawn) -> list[str]:

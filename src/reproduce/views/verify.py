@@ -12,7 +12,6 @@ from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import library
 from reproduce.version import NAME, version
 from reproduce.views.citations import mark, statement
-from reproduce.views.computed import whole_ledger
 
 
 @checked
@@ -91,8 +90,3 @@ def released() -> dict[str, list[str]]:
     text = (data_folder() / "last-release.toml").read_text(encoding="utf-8")
     marks: dict[str, list[str]] = tomllib.loads(text).get("marks", {})
     return marks
-
-
-def marks() -> list[str]:
-    """Return the marks of the present statements of all cells."""
-    return [mark(statement(record)) for record in whole_ledger().records]
