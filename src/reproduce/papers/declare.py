@@ -324,7 +324,7 @@ class Study(PaperFunction):
         heads = [column.name for column in text.columns]
         frame = pd.DataFrame(list(self.function(inputs)), columns=heads)
         for column in text.columns:
-            if column.zero and column.form != "chance":
+            if column.zero:
                 noise = frame[column.name].abs() < column.zero
                 frame.loc[noise, column.name] = 0.0
         blanks = self.named(inputs) if "{" in text.caption else {}

@@ -27,11 +27,9 @@ class Column:
     name : str
         Head, with the unit in brackets.
     form : str
-        Format specification for numbers, such as ``.2f``; empty for words; ``chance``
-        for a probability, small ones as a power of ten.
+        Format specification for numbers, such as ``.2f``; empty for words.
     zero : float
-        Smaller numbers are rounding noise and shown as 0. Smaller probabilities are shown as
-        a bound.
+        Smaller numbers are rounding noise and shown as 0.
     """
 
     name: str

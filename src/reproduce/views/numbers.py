@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from reproduce.printed.number import minus, powers, quantity
+from reproduce.printed.number import minus, quantity
 
 if TYPE_CHECKING:
     from reproduce.papers.declare import Column, Fact
@@ -19,15 +19,13 @@ def entry(value: float | str, style: Column | Fact) -> str:
     Examples
     --------
     >>> from reproduce.papers.declare import Column
-    >>> entry(1.0, Column("RMSE (px)", ".3f")), entry(2e-9, Column("p", "chance"))
-    ('1.000', '10⁻⁹')
+    >>> entry(1.0, Column("RMSE (px)", ".3f")), entry(-2e-9, Column("p", ".1g"))
+    ('1.000', '−2e−09')
     """
     if value != value:  # NaN
         return ""
     if isinstance(value, str) or not style.form:
         return str(value)
-    if style.form == "chance":
-        return _power(value, style.zero)
     small, limit = abs(value) < style.zero, math.isinf(value)
     return "0" if small else "any" if limit else minus(f"{value:{style.form}}")
 
@@ -42,14 +40,6 @@ def fact(quoted: Fact) -> str:
     ('0.04\u202fpx', 'Table 2')
     """
     return quantity(entry(quoted.value, quoted), quoted.unit)
-
-
-def _power(probability: float, least: float) -> str:
-    """Return a probability, a small one as a power of ten, or a bound below `least`."""
-    if probability >= 1e-3:
-        return f"{probability:.1g}"
-    power = powers(f"1e{round(math.log10(max(probability, least, 1e-300)))}")
-    return power if probability > least else f"<\u202f{power}"
 
 
 def digits(value: float, mcse: float) -> str:
