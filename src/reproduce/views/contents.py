@@ -186,6 +186,7 @@ class Check(Display):
 def _entry(key: str) -> dict[str, Any]:
     return {
         "key": key,
+        "paper": key.partition("/")[0],
         "place": keys.place(key),
         "title": keys.title(key),
         "draws": drawing(key) is not None,
@@ -194,10 +195,7 @@ def _entry(key: str) -> dict[str, Any]:
 
 def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     """Return a record for each item, with its number of cells by verdict."""
-    return [
-        _entry(key) | {"paper": key.partition("/")[0]} | verdicts.tally(ledger.of(key))
-        for key in listed
-    ]
+    return [_entry(key) | verdicts.tally(ledger.of(key)) for key in listed]
 
 
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:

@@ -163,9 +163,8 @@ class Figure(Rerunnable):
         declared = self._declared
         if isinstance(declared, Schematic):
             file = data_folder() / "schematics/style.svg"
-            shared = file.read_text(encoding="utf-8")
-            style = shared[shared.index("<style") : shared.index("</svg>")].rstrip()
-            return filled(declared.svg).replace(">", f">\n  {style}", 1)
+            _, *style, _ = file.read_text(encoding="utf-8").splitlines()
+            return filled(declared.svg).replace(">", "\n".join((">", *style)), 1)
         own = [self.key] if self.key in library() else []
         printed = load_inputs([*own, *declared.marks])
         return _styled_figure(

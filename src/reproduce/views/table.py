@@ -236,9 +236,7 @@ class Table(ItemView):
                 frame = frame.rename(columns={"row": "", "value": ""})
         else:
             frame.insert(0, "quantity", [cell.label for cell in table.cells])
-            places = [cell.place for cell in table.cells]
-            if len({*places}) > 1:
-                frame["place"] = places
+            frame["place"] = [cell.place for cell in table.cells]
         caption = f"{table.place}. {table.title}."
         legend = written("legend.txt", records=records)
         return export_frame(frame, form, self.provenance, self.key, caption, legend)
