@@ -74,7 +74,18 @@ def table(address: Text) -> Table | Cell | StudyTable:
     return Table(address)
 
 
-class Table(ItemView):
+class _Judged(ResultView):
+    """A table or a cell of a paper."""
+
+    @property
+    def rerun_code(self) -> str:
+        """A line of code that computes it with another value of an input that changes it."""
+        change = rerunning.effective_change(self.key)
+        call = '.rerun({{"{}": "{}"}})'.format(*change) if change else ""
+        return f'rp.table("{self.key}"){call}'
+
+
+class Table(ItemView, _Judged):
     """A table or a group of quoted numbers: printed and computed values with verdicts.
 
     Parameters
@@ -125,11 +136,6 @@ class Table(ItemView):
         parts = self._printed.rows, self._printed.columns
         lines = [[getattr(line, name) for line in part] for part in parts]
         return pd.MultiIndex.from_product(lines)
-
-    @property
-    def rerun_code(self) -> str:
-        """A line of code that computes it with another value of an input."""
-        return _rerun_code(self.key)
 
     @property
     def readings(self) -> Readings:
@@ -203,7 +209,7 @@ class Table(ItemView):
             self[name]
 
         def compute(step: Change) -> Iterator[Point]:
-            result = rerunning.Rerun(self.key, step, replicates=replicates)
+            result = self.rerun(step, replicates=replicates).result
             return Changed(result, cells).points()
 
         return Sweep(self._printed.place, address, values, compute)
@@ -274,8 +280,6 @@ class Table(ItemView):
             yield Markup("<small>{}</small>, {}: {}").format(word, cells, text)
         for joint in self._ledger.tables:
             yield verdicts.joint_sentence(joint)
-            if joint.readings > 1:
-                yield verdicts.fitting(joint)
         shown = [verdicts.texts(record) for record in results]
         if readings := [row for row in shown if "closest reading" in row]:
             agreeing = "readings that agree", "agrees with", "closest reading"
@@ -326,13 +330,6 @@ def _values(record: Record, form: str) -> dict[str, str]:
     return texts
 
 
-def _rerun_code(address: str) -> str:
-    """Return the call of a table or a cell, with the change of an input."""
-    change = rerunning.effective_change(address)
-    call = '.rerun({{"{}": "{}"}})'.format(*change) if change else ""
-    return f'rp.table("{address}"){call}'
-
-
 def _notes(cell: PrintedCell) -> dict[str, str]:
     """Return the notes on a printed value, by the words next to it."""
     unit = cell.unit_assumed if cell.is_number else ""
@@ -361,7 +358,7 @@ def _grouped(caption: str, columns: list[str], rows: list[dict[str, Entry]]) -> 
     return Grid.of(caption, ("cells", *columns), lines, kind="rp-small")
 
 
-class Cell(ResultView):
+class Cell(_Judged):
     """One printed number: the printed value, the computed value, the verdict and its reason.
 
     Parameters
@@ -403,11 +400,6 @@ class Cell(ResultView):
         """Source code of the function that computes the cell, empty for an input."""
         made = computation_for(self.address)
         return text_of(made.function) if made else ""
-
-    @property
-    def rerun_code(self) -> str:
-        """A line of code that computes it with another value of an input that changes it."""
-        return _rerun_code(self.address)
 
     def frame(self) -> pd.DataFrame:
         """Return its record as a column."""

@@ -160,13 +160,20 @@ def _joint_facts(joint: TableRecord) -> dict[str, str]:
 
 
 def joint_sentence(joint: TableRecord) -> str:
-    """Return a sentence on all cells of a table together."""
-    return (
+    """Return sentences on all cells of a table together, and on its readings."""
+    text = (
         f"Outside the central 99 % of the prediction lie {joint.outside} of {{predicted}} "
         f"predicted cells; {joint.expected_outside:.2g} are expected by chance. The "
         "probability of a table as far from the prediction as the printed one, or farther, is "
         "{joint} ({replicates} simulated tables)."
-    ).format_map(_joint_facts(joint))
+    )
+    if joint.readings > 1:
+        text += (
+            f" {joint.fitting or 'None'} of {{readings}} readings of the text fits all "
+            "{predicted} predicted cells together. Closest: {closest}, with {closest-agreeing} "
+            "cells and a joint probability of {closest-joint}."
+        )
+    return text.format_map(_joint_facts(joint)).replace("of below", "below")
 
 
 def _joint_chance(probability: float, joint: TableRecord) -> str:
@@ -175,16 +182,6 @@ def _joint_chance(probability: float, joint: TableRecord) -> str:
         return f"below 1/{joint.replicates:,}"
     error = (probability * (1 - probability) / joint.replicates) ** 0.5
     return chance(probability, error)
-
-
-def fitting(joint: TableRecord) -> str:
-    """Return a sentence on the readings of a table, all cells together."""
-    text = (
-        "{fitting} of {readings} readings of the text fits all {predicted} predicted cells "
-        "together. Closest: {closest}, with {closest-agreeing} cells and a joint probability "
-        "of {closest-joint}."
-    ).format_map(_joint_facts(joint))
-    return (text[0].upper() + text[1:]).replace("of below", "below")
 
 
 def choices_text(choices: Mapping[str, str]) -> str:
