@@ -321,5 +321,5 @@ def printable(text: str) -> str:
 def plain(entry: Entry) -> str:
     """Return the text of an entry, without HTML."""
     if isinstance(entry, Markup):
-        entry = Markup(entry.replace("<br>", "; ")).striptags()
+        entry = entry.striptags()
     return printable(entry)

@@ -71,7 +71,7 @@ class Contents(Display):
         import pandas as pd
 
         frame = pd.DataFrame(_tallies(self.keys, self._ledger)).set_index("key")
-        return frame[["place", "title", *VERDICTS]].rename_axis(None)
+        return frame[["place", "title", *VERDICTS]]
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""

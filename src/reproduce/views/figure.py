@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import re
-import textwrap
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
@@ -252,7 +251,7 @@ class Figure(Rerunnable):
         name = f"figure-{anchor(self.key)}"
         text = (
             f"{self.key}: {self.title}\n{self.place}; lines and points in .data\n"
-            f"{textwrap.fill(self.caption, 79)}\n"
+            f"{self.caption}\n"
             f"Draw it with `reproduce figure {self.key} --out FILE.svg` and the same options."
         )
         bar = "" if self.changes else self._toolbar(name)

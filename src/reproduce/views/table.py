@@ -13,7 +13,7 @@ from markupsafe import Markup
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, item_ledger, record_of
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import changeable, computation_for
+from reproduce.papers.declare import computation_for
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import minus
@@ -27,6 +27,7 @@ from reproduce.views.blocks import (
     Grid,
     Html,
     fold,
+    link,
     plain,
     rendered,
     written,
@@ -427,7 +428,7 @@ class Cell(_Judged):
         record, shown = self.record, verdicts.texts(self.record)
         meaning = LOOKS[record.verdict]["meaning"]
         shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
-        shown["inputs"] = verdicts.linked(changeable(self.address))
+        shown["inputs"] = Markup(", ").join(link(anchor(a), a) for a in self.inputs)
         del shown["cell"]
         lines = [(name, text) for name, text in shown.items() if text]
         head = ("Cell", self.address)

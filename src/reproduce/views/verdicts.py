@@ -77,7 +77,7 @@ def texts(record: Record) -> dict[str, Entry]:
         "why": minus(record.reason or record.why),
     }
     if known.erratum:
-        shown["why"] = Markup("{} {}<br>The authors' reply: {}").format(
+        shown["why"] = Markup("{} {}. The authors' reply: {}").format(
             shown["why"],
             link(known.erratum, f"Erratum {known.erratum}"),
             replied(known.erratum, known.answer),
@@ -100,11 +100,6 @@ def texts(record: Record) -> dict[str, Entry]:
         shown["agrees with"] = deciding(readings)
         shown["closest reading"] = text
     return shown
-
-
-def linked(addresses: Iterable[str]) -> Markup:
-    """Return addresses with links to the cells."""
-    return Markup(", ").join(link(anchor(address), address) for address in addresses)
 
 
 def computed(record: Record, extra: int = 0) -> str:
