@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from math import isclose
 from textwrap import fill
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import is_list_like
 
 from reproduce.judge.ledger import item_ledger
 from reproduce.judge.rerun import Rerun
@@ -91,9 +92,10 @@ class Changed(Display):
         changes = result.changes | result.options
         caption = setting(f"{result.key} with", changes, result.replaced, remark)
         if any(one.interval for one in self.cells):
-            caption += " From and to: the central 99 % of a prediction"
-            either = ", otherwise what rounded inputs allow."
-            caption += either if result.is_reading else "."
+            caption += (
+                " From and to: the central 99 % of a prediction, or what rounded inputs "
+                "allow if nothing is random."
+            )
         if result.is_reading:
             for joint in item_ledger(result.key, **result.options).tables:
                 caption += f" {verdicts.joint_sentence(joint)}"
@@ -152,14 +154,12 @@ class Sweep(Display):
         dashed: str = "printed values; shaded: their intervals",
     ) -> None:
         names = [moved] if isinstance(moved, str) else [*moved]
-        steps = [
-            [*value] if _is_list(value) else [value]
-            for value in (values if _is_list(values) else [])
-        ]
+        listed: Sequence[Any] = values if is_list_like(values) else []
+        steps = [[*value] if is_list_like(value) else [value] for value in listed]
         if {*map(len, steps)} != {len(names)}:
-            listed = ", ".join(names)
+            every = ", ".join(names)
             raise ValueError(
-                f"values: expected a list with {listed} for each step, got {values!r}"
+                f"values: expected a list with {every} for each step, got {values!r}"
             )
         if len({*names}) < len(names):
             raise ValueError(f"address: expected different inputs, got {names}")
@@ -221,8 +221,3 @@ class Sweep(Display):
             return rendered("sweep", sweep=self, grid=grid.markup, graph=graph)
 
         yield Html(page, grid)
-
-
-def _is_list(values: object) -> TypeGuard[Iterable[Any]]:
-    """Return whether an object has several values; a text has one."""
-    return np.iterable(values) and not isinstance(values, str)
