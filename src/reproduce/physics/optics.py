@@ -37,6 +37,7 @@ from reproduce.physics.validate import (
     Positive,
     Sides,
     Size,
+    Text,
     checked,
     checked_fields,
     valid,
@@ -68,7 +69,9 @@ _CORNER = "from the lower left corner"
 
 
 @checked
-def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> FloatArray:
+def arrangement_angles(
+    name: Text, half_x: Size, half_y: Size, step: Size
+) -> FloatArray:
     """Return the rotation angles of an arrangement.
 
     A step and a range do not determine the arrangement of the angles. Every lattice is a fine

@@ -31,6 +31,7 @@ from reproduce.physics.validate import (
     FloatArray,
     Number,
     Points,
+    Size,
     checked,
     valid,
 )
@@ -129,7 +130,8 @@ def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     return np.pi / 2 - boresight_angle / 2
 
 
-def fold_mirror(boresight_angle: float) -> FloatArray:
+@checked
+def fold_mirror(boresight_angle: Size) -> FloatArray:
     """Return the normal of the dichroic mirror in front of the tracker, shape (3,).
 
     Parameters are those of `fold_mirror_tilt`. The frame is that of the camera.
@@ -201,7 +203,7 @@ RETROREFLECTORS: dict[str, FloatArray | None] = {
 @checked
 def traced_spots(
     platform: Platform,
-    boresight_angle: float,
+    boresight_angle: Size,
     retroreflector: FloatArray | None,
     aperture: Points,
     turn: Direction = _NO_TURN,

@@ -218,7 +218,7 @@ def ground_resolution(
 
 
 @checked
-def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
+def circular_error(covariance: _Plane, share: Size = 0.9) -> FloatArray:
     """Return the radius of the circle that contains a fraction of the errors: CE90 by default.
 
     Parameters
@@ -240,7 +240,7 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     >>> circular_error([np.eye(2), np.diag([1.0, 0.0])]).round(3)
     array([2.146, 1.645])
     """
-    valid("share", share, 0.0 < share < 1.0, "a fraction between 0 and 1")
+    valid("share", share, share < 1.0, "a fraction between 0 and 1")
     from scipy.optimize import elementwise  # the other functions do not need it
 
     low, high = np.moveaxis(np.linalg.eigvalsh(covariance), -1, 0)
