@@ -70,10 +70,9 @@ def _noise_free_fit(
 
     Star positions follow from the rotation angles of the table, shape (n, 2), in rad.
     """
-    camera = cameras[CHANNELS.index(channel)]
-    green, spots = channel_centroids([cameras[0], camera], angles)
-    pivot = camera.principal_point
-    return fit_registration(spots, green, pivot, target_covariance=np.eye(2))
+    place, spots = CHANNELS.index(channel), channel_centroids(cameras, angles)
+    pivot = cameras[place].principal_point
+    return fit_registration(spots[place], spots[0], pivot, target_covariance=np.eye(2))
 
 
 def _against_cameras(parameters: FloatArray, expected: float) -> dict[str, Quantity]:
@@ -87,8 +86,12 @@ def _model(inputs: Inputs, kind: str, channel: str) -> Model:
     _, table, points, residuals, instrument, _, averaged = _SOURCES[kind]
     cells = [f"{table}#{row}.{channel}" for row in ROWS]
     patterns = item_text("niu2024/text-simulation").options["angles"]
-    angles = (simulation.arrangement(inputs, name) for name in patterns)
-    fits = [_noise_free_fit(instrument(inputs), each, channel) for each in angles]
+    fits = [
+        _noise_free_fit(
+            instrument(inputs), simulation.arrangement(inputs, name), channel
+        )
+        for name in patterns
+    ]
     errors = np.array([fit.standard_errors for fit in fits])
     likelihood = models.PrintedFit(
         np.array([inputs[cell] for cell in cells]),

@@ -91,9 +91,13 @@ def half_ranges(inputs: Inputs) -> FloatArray:
 
 def _lattice(inputs: Inputs, name: str) -> FloatArray:
     """Return the angles of one alternative with any count, shape (n, 2), in radians."""
-    full, step = _OPTIONS["angles"][name].text, inputs["niu2024/text-simulation#step"]
     half_x, half_y = half_ranges(inputs)
-    return arrangement_angles(full, half_x, half_y, step)
+    return arrangement_angles(
+        _OPTIONS["angles"][name].text,
+        half_x,
+        half_y,
+        inputs["niu2024/text-simulation#step"],
+    )
 
 
 @cache
