@@ -74,6 +74,10 @@ class Inputs:
             [self[cell.address] for cell in find(pattern) if cell.is_number]
         )
 
+    def pairs(self, pattern: str) -> NDArray[np.float64]:
+        """Return the numbers of `array` in pairs, such as positions along x and y, shape (n, 2)."""
+        return self.array(pattern).reshape(-1, 2)
+
     def rounded(self) -> list[str]:
         """Return the addresses of the printed numbers with a rounding interval."""
         return [

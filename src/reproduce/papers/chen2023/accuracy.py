@@ -116,8 +116,7 @@ def times(inputs: Inputs) -> Results:
 def quoted_accuracy(inputs: Inputs) -> Results:
     """Return the first and last row of Table IV, which the text quotes."""
     single, smoothed = (
-        inputs.array(f"chen2023/table-4#{count}.*-?").reshape(2, 2)
-        for count in (1, 100)
+        inputs.pairs(f"chen2023/table-4#{count}.*-?") for count in (1, 100)
     )
     return {
         **by_cell("{}-single-{}", single, _MATRICES, "xy"),

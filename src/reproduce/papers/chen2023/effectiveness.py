@@ -70,29 +70,24 @@ _MEASURED = (
 )
 
 
-def pairs(inputs: Inputs, columns: str) -> FloatArray:
-    """Return two columns of Table V in some states, (states, 2), in metres or radians.
-
-    Positions and motions are along X and Y, angles about Y and X.
-    """
-    return inputs.array(f"chen2023/table-5#{columns}-?").reshape(-1, 2)
-
-
 def stage_motions(inputs: Inputs, columns: str = "") -> FloatArray:
     """Return the motions of the stage in all states, (5, 2): as printed, or between positions.
 
     One printed motion has a typographical error, which the differences do not have.
     """
-    positions = pairs(inputs, "*.position")
+    positions = inputs.pairs("chen2023/table-5#*.position-?")
     motions = positions - positions[0]
     if columns == "printed":
-        motions[1:] = pairs(inputs, "[2-5].motion")
+        motions[1:] = inputs.pairs("chen2023/table-5#[2-5].motion-?")
     return motions
 
 
 def _angles(inputs: Inputs) -> tuple[FloatArray, FloatArray]:
     """Return the printed monitored and reference angles, each (4, 2)."""
-    return pairs(inputs, "[2-5].monitoring"), pairs(inputs, "[2-5].reference")
+    return (
+        inputs.pairs("chen2023/table-5#[2-5].monitoring-?"),
+        inputs.pairs("chen2023/table-5#[2-5].reference-?"),
+    )
 
 
 @reproduces(
@@ -412,8 +407,8 @@ def _test_facts(inputs: Inputs) -> dict[str, float]:
     """
     lag, _ = _averaging(inputs, "with-ramp")
     last, differences = (
-        pairs(inputs, columns) / RADIANS_PER_ARCSEC
-        for columns in ("5.reference", "[2-5].difference")
+        inputs.array(f"chen2023/table-5#{cells}-?") / RADIANS_PER_ARCSEC
+        for cells in ("5.reference", "[2-5].difference")
     )
     return {
         "ramp-lag": np.abs(last).mean() / len(_MOVED_STATES) * lag,
@@ -438,7 +433,7 @@ def _differences(inputs: Inputs) -> Rows:
     from scipy.special import chdtrc
 
     few, frames = inputs.count(SMOOTHED), inputs.count(FRAMES_PER_STATE)
-    differences = pairs(inputs, "[2-5].difference")
+    differences = inputs.pairs("chen2023/table-5#[2-5].difference-?")
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
         (f"one frame of Table IV, means of {few}", 1, few),

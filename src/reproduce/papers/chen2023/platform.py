@@ -69,7 +69,7 @@ def as_designed(inputs: Inputs) -> Platform:
         tracker_focal_length=inputs[TRACKER_FOCAL_LENGTH],
         pixel_pitch=inputs[PIXEL],
         principal_point=detector_centre(inputs.array(PIXELS)),
-        spots=printed_spots(inputs),
+        spots=inputs.pairs(SPOTS),
     )
 
 
@@ -103,17 +103,12 @@ def square_ratio(design: Platform) -> float:
     return printed / (designed * design.pixels / design.camera_focal_length)
 
 
-def printed_spots(inputs: Inputs) -> FloatArray:
-    """Return the printed centroids, shape (4, 2), in px."""
-    return inputs.array(SPOTS).reshape(-1, 2)
-
-
 def lasers(inputs: Inputs) -> FloatArray:
     """Return the designed positions of the lasers in the focal plane, shape (4, 2), in metres.
 
     Each laser is at the corner that is nearest to its spot.
     """
-    spots = printed_spots(inputs)
+    spots = inputs.pairs(SPOTS)
     offsets = spots - spots.mean(axis=0)
     # The square stands on a corner.
     return np.round(offsets / np.abs(offsets).max()) * inputs[DIAGONAL] / 2
@@ -135,4 +130,4 @@ def angle_sigma(inputs: Inputs, group: int, frames: int) -> FloatArray:
 
 def scatter(inputs: Inputs, group: int) -> FloatArray:
     """Return one standard deviation of x and y of each spot of a group, shape (4, 2), in px."""
-    return inputs.array(f"chen2023/table-3#{group}-*").reshape(-1, 2) / SIGMAS
+    return inputs.pairs(f"chen2023/table-3#{group}-*") / SIGMAS

@@ -37,7 +37,6 @@ from reproduce.papers.chen2023.effectiveness import (
     BOUND,
     FRAMES_PER_STATE,
     LAST,
-    pairs,
     stage_motions,
     telescope_length,
 )
@@ -46,7 +45,6 @@ from reproduce.papers.chen2023.platform import (
     PIXEL,
     SPOTS,
     as_designed,
-    printed_spots,
     scatter,
 )
 from reproduce.papers.chen2023.resolution import SPOT_RADIUS
@@ -176,7 +174,7 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     axes = figure.add_subplot()
     x, y = spots.T
     axes.scatter(x, y, sizes, "C2", label="stars")
-    axes.plot(*printed_spots(printed).T, "C1s", label="laser spots, printed")
+    axes.plot(*printed.pairs(SPOTS).T, "C1s", label="laser spots, printed")
     axes.set(
         xlim=(-0.5, 1023.5),
         ylim=(1023.5, -0.5),
@@ -239,7 +237,7 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     set_size(figure, 4.8, 3.6, width=5.6)
     figure.set_layout_engine("compressed")
     panels = figure.subplots(2, 2)
-    centres = printed_spots(printed)
+    centres = printed.pairs(SPOTS)
     shown = zip(panels.flat, centres, corners - 0.5, inner - 0.5, seen, strict=True)
     for number, (axes, centre, (left, top), start, flux) in enumerate(shown, start=1):
         extent = (left, left + _SHOWN_PX, top + _SHOWN_PX, top)
@@ -298,7 +296,7 @@ _draw_misalignment = _draws_series(
 @draws("chen2023/fig-10a", marks=[_POSITIONS])
 def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
-    positions = pairs(printed, "*.position") * 1e6
+    positions = printed.pairs(_POSITIONS) * 1e6
     axes = figure.add_subplot()
     axes.plot(*positions.T, "C1^--", linewidth=1, markersize=8)
     for state, (x, y) in enumerate(positions, start=1):

@@ -12,7 +12,7 @@ from functools import partial
 from reproduce.inference import LogUniform, Model, Parameter, Uniform
 from reproduce.inference.models import AveragedNoise, StageAngles
 from reproduce.papers.chen2023.accuracy import COUNTS, FRAMES
-from reproduce.papers.chen2023.effectiveness import pairs, stage_motions
+from reproduce.papers.chen2023.effectiveness import stage_motions
 from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
 from reproduce.papers.posteriors import Declaration
 from reproduce.printed.inputs import Inputs
@@ -57,7 +57,10 @@ def averaging(inputs: Inputs, axis: str) -> Model:
 def _stage(inputs: Inputs) -> Model:
     """Return the focal length of the telescope and the noise of a state of Table V."""
     # A motion along one axis rotates the camera about the other axis.
-    angles, motions = pairs(inputs, "*.monitoring"), stage_motions(inputs)[1:]
+    angles, motions = (
+        inputs.pairs("chen2023/table-5#*.monitoring-?"),
+        stage_motions(inputs)[1:],
+    )
     likelihood = StageAngles(angles.T[::-1], motions.T[::-1])
     nominal = inputs[TELESCOPE]
     length = Uniform(nominal / 2, nominal * 2, "half to double the nominal length")

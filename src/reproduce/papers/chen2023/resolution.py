@@ -39,7 +39,6 @@ from reproduce.papers.chen2023.platform import (
     SPOTS,
     TRACKER,
     TRACKER_FOCAL_LENGTH,
-    printed_spots,
 )
 from reproduce.papers.declare import (
     Results,
@@ -193,7 +192,7 @@ def _setting(
     A flux factor of one gives the mean variance of Table III.
     """
     sigma, size = inputs[SPOT_RADIUS] / width, inputs.count(_WINDOW)
-    spots = printed_spots(inputs)
+    spots = inputs.pairs(SPOTS)
     radius, corners = sigma / inputs[PIXEL], window_corners(spots, size)
     # Photon variance is proportional to the inverse of the flux, read variance to its square.
     photon, both = (
