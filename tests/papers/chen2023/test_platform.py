@@ -10,7 +10,6 @@ from reproduce.papers.chen2023.platform import (
     DIAGONAL,
     SPOTS,
     as_designed,
-    lasers,
     scatter,
 )
 from reproduce.papers.declare import drawing
@@ -150,7 +149,7 @@ def test_the_spots_fit_the_lasers_within_the_rounding_of_lengths():
         (2.056, 22e-3, 0.977),
         (2.056, 21.5e-3, 1),
     ):
-        points = lasers(INPUTS.changed({DIAGONAL: diagonal}))
+        points = as_designed(INPUTS.changed({DIAGONAL: diagonal})).lasers
         designed = emitted_directions(points, telescope)
         sizes = [np.linalg.norm(one - one.mean(axis=0)) for one in (seen, designed)]
         ratio = sizes[0] / sizes[1]

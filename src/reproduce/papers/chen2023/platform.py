@@ -61,15 +61,18 @@ def scatter_range(inputs: Inputs) -> Results:
 def as_designed(inputs: Inputs) -> Platform:
     """Return the platform as designed, with the detector's centre as principal point.
 
-    Each laser is at the corner of the designed square in the direction of its spot.
+    Each laser is at the corner of the designed square that is nearest to its spot.
     """
+    spots = inputs.pairs(SPOTS)
+    offsets = spots - spots.mean(axis=0)
     return Platform(
-        lasers=lasers(inputs),
+        # The square stands on a corner.
+        lasers=np.round(offsets / np.abs(offsets).max()) * inputs[DIAGONAL] / 2,
         camera_focal_length=inputs[TELESCOPE],
         tracker_focal_length=inputs[TRACKER_FOCAL_LENGTH],
         pixel_pitch=inputs[PIXEL],
         principal_point=detector_centre(inputs.array(PIXELS)),
-        spots=inputs.pairs(SPOTS),
+        spots=spots,
     )
 
 
@@ -101,17 +104,6 @@ def square_ratio(design: Platform) -> float:
         np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)
     )
     return printed / (designed * design.pixels / design.camera_focal_length)
-
-
-def lasers(inputs: Inputs) -> FloatArray:
-    """Return the designed positions of the lasers in the focal plane, shape (4, 2), in metres.
-
-    Each laser is at the corner that is nearest to its spot.
-    """
-    spots = inputs.pairs(SPOTS)
-    offsets = spots - spots.mean(axis=0)
-    # The square stands on a corner.
-    return np.round(offsets / np.abs(offsets).max()) * inputs[DIAGONAL] / 2
 
 
 def unit_rotations(inputs: Inputs, group: int) -> FloatArray:

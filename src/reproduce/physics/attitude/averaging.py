@@ -245,10 +245,10 @@ def stability(times: _Series, series: _Angles) -> Stability:
     # A lost frame in a gap separates the averages of both sides.
     broken = np.insert(left, np.flatnonzero(steps > 1.5 * usual) + 1, np.nan, axis=0).T
     results = []
-    for power in range(int(np.log2(frames // _MIN_AVERAGES)) + 1):
+    for power in range((frames // _MIN_AVERAGES).bit_length()):
         count = 2**power
         squares = np.square(_changes(broken, count))
-        averages = int(np.isfinite(squares[0]).sum()) + 1
+        averages = np.isfinite(squares[0]).sum() + 1
         if averages >= _MIN_AVERAGES:
             results.append((count, averages, np.sqrt(np.nanmean(squares, axis=1) / 2)))
     columns = map(np.array, zip(*results, strict=True))
