@@ -14,10 +14,9 @@ ARCSEC = np.pi / 180 / 3600
 
 
 def test_the_zero_state_is_shared_by_all_monitored_angles():
-    inputs = load_inputs(effectiveness.monitored_angle.inputs)
-    generator = np.random.default_rng(5)
-    errors = effectiveness._monitoring_errors(inputs, generator, 4000)
-    one, two = errors[:, :2, 1].T
+    computed = effectiveness.monitored_angle
+    found = computed(load_inputs(computed.inputs))
+    one, two = found["2.monitoring-x"], found["3.monitoring-x"]
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
     noise = np.sqrt((scatter(load_inputs(["chen2023/table-3"]), 2)[:, 1] ** 2).mean())
     expected = np.sqrt(2) * noise / 2 / 20 * np.arctan2(13e-6, 60e-3)

@@ -33,7 +33,6 @@ from reproduce.papers.declare import (
     reproduces,
 )
 from reproduce.physics.attitude import averaged_error, scatter_of_averages
-from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
@@ -64,18 +63,6 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
 
     Implements: chen2023 (2), (3), (4), (5), (6), (7).
     """
-    counts = [int(count) for count in inputs.array(COUNTS)]
-    draws = _simulated_accuracies(inputs, seed, replicates, counts)
-    return by_cell("{2}.{0}-{1}", draws, _MATRICES, "xy", _ROWS)
-
-
-def _simulated_accuracies(
-    inputs: Inputs, seed: SeedSequence, replicates: int, counts: list[int]
-) -> FloatArray:
-    """Return the simulated scatter of averages, (replicates, 2 groups, 2 axes, counts).
-
-    It is three standard deviations, in radians.
-    """
     # By unit noise in each coordinate: shape (groups, 2 axes, coordinates).
     rotations = np.stack([unit_rotations(inputs, g)[:2] for g in (1, 2)])
     generator = default_rng(seed)
@@ -85,7 +72,9 @@ def _simulated_accuracies(
     angles = (
         rotations @ generator.standard_normal(shape).mT for _ in range(replicates)
     )
-    return SIGMAS * np.stack([scatter_of_averages(one, counts) for one in angles])
+    counts = [int(count) for count in inputs.array(COUNTS)]
+    scatter = np.stack([scatter_of_averages(one, counts) for one in angles])
+    return by_cell("{2}.{0}-{1}", SIGMAS * scatter, _MATRICES, "xy", _ROWS)
 
 
 def time_per_frame(inputs: Inputs) -> float:

@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import Generator, SeedSequence, default_rng
+from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers.charts import set_size
 from reproduce.papers.chen2023.accuracy import (
@@ -180,7 +180,12 @@ def monitored_angle(
     Implements: chen2023 (7), (10).
     """
     generator = default_rng(seed)
-    errors = _monitoring_errors(inputs, generator, replicates)
+    # About Y and X, by the noise of the mean of a state in each coordinate.
+    rotations = unit_rotations(inputs, 2)[1::-1] / np.sqrt(
+        inputs.count(FRAMES_PER_STATE)
+    )
+    shape = (replicates, 1 + len(_MOVED_STATES), rotations.shape[1])
+    errors = generator.standard_normal(shape) @ rotations.T
     lag, noise = _averaging(inputs, images)
     length = np.full(replicates, telescope_length(inputs, columns, telescope))
     if telescope == "nominal":
@@ -192,7 +197,9 @@ def monitored_angle(
         motions = motions[:, ::-1]
     angles = stage_angle(motions, length[:, None, None])
     # A mean that includes the ramp contains a part of the step from the state before.
-    means = angles[:, 1:] - lag * np.diff(angles, axis=1) + noise * errors
+    means = angles[:, 1:] - lag * np.diff(angles, axis=1)
+    # All angles share the error of the zero state.
+    means += noise * (errors[:, 1:] - errors[:, :1])
     return by_cell("{}.monitoring-{}", means, _MOVED_STATES, _ABOUT)
 
 
@@ -215,22 +222,6 @@ def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
     # Images before the last state.
     lag = weights[:-frames].sum()
     return lag, np.sqrt(frames * np.square(weights).sum())
-
-
-def _monitoring_errors(
-    inputs: Inputs, generator: Generator, replicates: int
-) -> FloatArray:
-    """Return the errors of monitored angles by centroid noise, (replicates, 4, 2), in radians.
-
-    They share the error of the zero state.
-    """
-    # About Y and X.
-    rotations = unit_rotations(inputs, 2)[1::-1] / np.sqrt(
-        inputs.count(FRAMES_PER_STATE)
-    )
-    shape = (replicates, 1 + len(_MOVED_STATES), rotations.shape[1])
-    angles = generator.standard_normal(shape) @ rotations.T
-    return angles[:, 1:] - angles[:, :1]
 
 
 @reproduces(
