@@ -17,7 +17,7 @@ def by_name(frame):
 
 
 def test_a_plane_mirror_feigns_twice_its_turn_across_the_plane_of_the_light():
-    sizes = satellite._dichroic_factors(np.radians(120.0))
+    sizes = rp.table("chen2023/dichroic").frame()["error per unit of rotation"]
     # In that plane the light meets the mirror under 30 degrees: twice the cosine.
     np.testing.assert_allclose(sizes, [np.sqrt(3.0), 2.0, 0.0], atol=1e-12)
 

@@ -36,7 +36,6 @@ from reproduce.physics.raytrace import (
     fold_mirror_tilt,
     traced_spots,
 )
-from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
@@ -158,28 +157,18 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
 )
 def _dichroic(inputs: Inputs) -> Rows:
     """Compute the reported rotation for a tilt of the dichroic mirror, and its tolerance."""
-    accuracy = inputs.array(_ACCURACY).max()
-    factors = _dichroic_factors(inputs[BORESIGHT])
-    axes = ("in the plane of the light", "across it", "its normal")
-    for axis, factor in zip(axes, factors, strict=True):
-        tilt = accuracy / factor if factor else np.inf
-        yield axis, factor, tilt / RADIANS_PER_ARCSEC, tilt / inputs[_EXPANSION]
-
-
-def _dichroic_factors(boresight_angle: float) -> FloatArray:
-    """Return the rotation of the reflected light per rotation of the mirror, shape (3,).
-
-    The rotation is about the axis in the mirror and in the plane of the light, about the axis in
-    the mirror across that plane, or about the mirror's normal.
-    """
-    normal = fold_mirror(boresight_angle)
+    accuracy, normal = inputs.array(_ACCURACY).max(), fold_mirror(inputs[BORESIGHT])
     # The plane of the light contains both boresights and is across X.
     across = np.array([1.0, 0.0, 0.0])
     moves = np.cross([np.cross(across, normal), across, normal], normal)
     # The mirror takes light d along Z to d - 2 (d·n) n. The normal n moves perpendicular to itself,
     # so both parts of the change are perpendicular to each other.
     along_normal, along_move = moves[:, 2], normal[2] * np.linalg.norm(moves, axis=1)
-    return 2.0 * np.hypot(along_normal, along_move)
+    factors = 2.0 * np.hypot(along_normal, along_move)
+    axes = ("in the plane of the light", "across it", "its normal")
+    for axis, factor in zip(axes, factors, strict=True):
+        tilt = accuracy / factor if factor else np.inf
+        yield axis, factor, tilt / RADIANS_PER_ARCSEC, tilt / inputs[_EXPANSION]
 
 
 @studied(
