@@ -126,8 +126,8 @@ class SimulatedBench:
         centres = spots[..., None, :, :]
         corners = window_corners(centres, self.window)
         mean = spot_windows(centres, flux, self.radius, corners, self.window)
-        shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-        return centre_of_gravity(generator.poisson(mean, shape), corners)
+        seen = generator.poisson(np.repeat(mean, frames, axis=-4))
+        return centre_of_gravity(seen, corners)
 
     def two_groups(
         self, frames: int, generator: Generator
