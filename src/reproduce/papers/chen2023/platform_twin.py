@@ -207,9 +207,8 @@ def _stage_test(
 
     twin, frames = SimulatedBench(inputs), inputs.count(FRAMES_PER_STATE)
     # A motion along one axis rotates the camera about the other; the printed signs are kept.
-    motions = stage_motions(inputs)[:, ::-1]
     length = telescope_length(inputs, "motions", telescope)
-    angles = stage_angle(motions, length)
+    angles = stage_angle(stage_motions(inputs)[:, ::-1], length)
     spots = twin.rotated(np.insert(angles, 2, 0.0, axis=1))
     generator = default_rng(seed_of("chen2023/fig-10b", inputs.root))
     centroids = twin.centroids(spots, twin.flux[1], frames, generator)
@@ -225,10 +224,8 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the images of the four laser spots in the tracker, at the printed positions."""
     from matplotlib.patches import Rectangle
 
-    twin, generator = (
-        SimulatedBench(inputs),
-        default_rng(seed_of("chen2023/fig-7", inputs.root)),
-    )
+    twin = SimulatedBench(inputs)
+    generator = default_rng(seed_of("chen2023/fig-7", inputs.root))
     corners, inner = (
         window_corners(twin.spots, size) for size in (_SHOWN_PX, twin.window)
     )
