@@ -56,7 +56,7 @@ def _orders(inputs: Inputs) -> Rows:
         # The laser transform rotates the vector of a small rotation into the other frame.
         tracker = np.tensordot(design.reference, camera, axes=1)
         for frame, response in (("camera", camera), ("tracker", tracker)):
-            variance = (response * scatter(inputs, 1)) ** 2
-            x, y, _ = SIGMAS * np.sqrt(variance.sum(axis=(-2, -1)))
-            yield name, frame, x * ARCSEC_PER_RADIAN, y * ARCSEC_PER_RADIAN
+            sigmas = np.linalg.norm(response * scatter(inputs, 1), axis=(1, 2))
+            x, y, _ = SIGMAS * ARCSEC_PER_RADIAN * sigmas
+            yield name, frame, x, y
     yield ("printed", "", *(inputs.array(_PRINTED) * ARCSEC_PER_RADIAN))
