@@ -247,7 +247,7 @@ def _replicated_scatter(
     # Mean and variance of normal errors within a phase are independent.
     means = bias + deviation * generator.standard_normal(shape)
     inside = variance * generator.chisquare(trials - 1, shape) / trials
-    return np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
+    return _total(means, inside)
 
 
 def _saturation(monitoring: FloatArray, gain: float) -> FloatArray:
