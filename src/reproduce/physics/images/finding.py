@@ -146,12 +146,11 @@ def find_spots(
         _remove_hot_pixels(light, noise)
         noise *= limit
         peaks, guess = _detected(light, noise)
+    # The photon noise of a spot follows from the gain.
+    around, _ = _windows(noise, peaks, guess)
+    deviations = np.percentile(around, _DARK_PERCENT, axis=(1, 2)) / limit
+    del noise, around
     at = tuple(peaks.T[::-1])
-    deviations = noise[at] / limit
-    if sigma is not None:  # the photon noise of a spot follows from the gain
-        around, _ = _windows(noise, peaks, guess)
-        deviations = np.percentile(around, _DARK_PERCENT, axis=(1, 2)) / limit
-    del noise
     typical = slice(0, (len(peaks) + 1) // 2, len(peaks) // (2 * _MAX_TYPICAL) + 1)
     fitted = partial(_SpotFit, light, deviations[typical], peaks[typical])
     radius = _best_radius(fitted, guess)
