@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics import registration
 from reproduce.physics.registration import Finding, fit_registration
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.number import minus
 from reproduce.store.points import brightness, computing, matched_stars
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
     from reproduce.physics.attitude import Platform
 
-FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
 _CONSISTENCY_TEXTS = {
     "noise": "Noise of one coordinate, from the residuals: {:.3g} px (95 % interval {:.3g} to "

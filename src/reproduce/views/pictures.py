@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics.images import find_spots, shape_finding
 from reproduce.physics.registration import (
@@ -18,6 +18,7 @@ from reproduce.physics.registration import (
     match_points,
     pair_weights,
 )
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.number import minus
 from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
@@ -31,7 +32,6 @@ from reproduce.store.points import (
 from reproduce.views.blocks import Block, Blocks, Display, Grid, fold
 from reproduce.views.measurements import RegistrationResult
 
-FloatArray = NDArray[np.float64]
 # Default of the largest distance of a pair: in px, and as a fraction of the field.
 _PAIR_PX, _PAIR_FRACTION = 2.0, 1e-3
 # Largest number of stars in a display.
