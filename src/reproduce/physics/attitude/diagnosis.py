@@ -8,7 +8,6 @@ a finding in about ``_FALSE_ALARM`` of all data sets.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -185,9 +184,9 @@ def diagnose_spots(
     for model, spots, errors, problem in zip(
         (platform, zero), means, variance, _PROBLEMS, strict=True
     ):
-        pattern = _Pattern(model, spots, errors, freedom, tolerated, lights)
-        fit = pattern.fit("pattern", "", model.lasers, 1 / errors)
-        findings += pattern.findings(fit, problem)
+        fits = _fits(model, spots, errors, freedom, tolerated, lights)
+        fit = next(fits)
+        findings += _misfit(fit, fits, spots.std(axis=0).max(), problem)
     if not spare:
         text = "no group has two images of a light, so the noise is unknown. Add images"
         findings.append(Finding("spare", text))
@@ -263,89 +262,88 @@ class _Fit:
     is_rolled: bool
 
 
-@dataclass(frozen=True, eq=False)
-class _Pattern:
-    """Mean spots, and the platform that should produce them after a rotation.
+def _fits(
+    platform: Platform,
+    spots: FloatArray,
+    variance: FloatArray,
+    known: float,
+    tolerated: float,
+    numbers: IntArray,
+) -> Iterator[_Fit]:
+    """Yield the fit of a platform to mean spots (n, 2), then the fit under each possible cause.
 
-    Fields: platform, spots (n, 2), variance of a coordinate of each spot (n,) in px^2, degrees of
-    freedom of the variance, misfit that is tolerated, and numbers of the lights.
+    The variance of a coordinate of each spot, (n,) in px^2, has `known` degrees of freedom. Misfits
+    up to `tolerated` are expected. The lights have these numbers.
     """
-
-    platform: Platform
-    spots: FloatArray
-    variance: FloatArray
-    freedom: float
-    tolerated: float
-    numbers: IntArray
-
-    def findings(self, design: _Fit, problem: str) -> list[Finding]:
-        """Return the causes of a misfit, or of a rotation by more than 120 deg."""
-        fits = design.excess < 1
-        if fits and not design.is_rolled:
-            return []
-        causes = []
-        for cause in self.causes():
-            # A mirrored square has no unique rotation.
-            with suppress(DegenerateGeometryError):
-                causes.append(self.fit(*cause))
-        causes.sort(key=lambda cause: (cause.kind == "swapped", cause.excess))
-        good = [cause for cause in causes if cause.excess < 1]
-        good = [cause for cause in good if not cause.is_rolled] or good * (not fits)
-        refused = [cause for cause in good if cause.kind in _REFUSED_KINDS]
-        # Three lights fit without one light too.
-        if refused and all(cause.kind != "scale" for cause in good):
-            good = refused
-        if not (good or fits):
-            rms = min(cause.rms for cause in causes if cause.kind != "displaced")
-            fraction = rms / self.spots.std(axis=0).max()
-            if fraction > _FOREIGN_FRACTION:
-                raise ValueError(f"spots: {problem}: {_FOREIGN_TEXT.format(fraction)}")
-            best = min(causes, key=lambda cause: cause.misfit)
-            good = [best if best.misfit * _MISFIT_FACTOR < design.misfit else design]
-        text = f"{problem}: {'; or '.join(cause.text for cause in good)}"
-        if good and good[0].kind in _REFUSED_KINDS:
-            raise ValueError(f"spots: {text}")
-        return [Finding(cause.kind, text) for cause in good[:1]]
-
-    def causes(self) -> Iterator[tuple[str, str, FloatArray, FloatArray]]:
-        """Yield the possible causes of a misfit, as arguments of `fit`."""
-        lasers, weights, numbers = self.platform.lasers, 1 / self.variance, self.numbers
-        yield "scale", "", lasers, weights
-        for pair in combinations(range(len(lasers)), 2):
-            swapped = lasers.copy()
-            swapped[[*pair]] = lasers[[*pair[::-1]]]
-            yield "swapped", "{} and {}".format(*numbers[[*pair]]), swapped, weights
-        if len(lasers) > 2:
-            yield "mirrored", "", lasers * [-1, 1], weights
-            for number in numbers:
-                yield "displaced", str(number), lasers, weights * (numbers != number)
-
-    def fit(
-        self, kind: str, named: str, lasers: FloatArray, weights: FloatArray
-    ) -> _Fit:
-        """Fit a rotation, and the size for some causes, to lights of some weights."""
-        platform, scale = self.platform, 1.0
-        is_free = kind not in ("pattern", "displaced")
-        for _ in range(_SIZE_ROUNDS if is_free else 1):
-            rays = emitted_directions(scale * lasers, platform.camera_focal_length)
-            rotation = attitude(platform.seen(self.spots), rays, weights)
-            expected = received_spots(rays @ rotation.T, *platform.tracker)
-            if is_free:
-                scale *= _size(self.spots, weights) / _size(expected, weights)
-        off = np.hypot(*(self.spots - expected).T)
+    lasers, weights = platform.lasers, 1 / variance
+    causes = [("pattern", "", lasers, weights), ("scale", "", lasers, weights)]
+    for pair in combinations(range(len(lasers)), 2):
+        swapped = lasers.copy()
+        swapped[[*pair]] = lasers[[*pair[::-1]]]
+        named = "{} and {}".format(*numbers[[*pair]])
+        causes.append(("swapped", named, swapped, weights))
+    if len(lasers) > 2:
+        causes.append(("mirrored", "", lasers * [-1, 1], weights))
+        for number in numbers:
+            others = weights * (numbers != number)
+            causes.append(("displaced", str(number), lasers, others))
+    for kind, named, lights, weights in causes:
+        scale, is_free = 1.0, kind not in ("pattern", "displaced")
+        try:
+            for _ in range(_SIZE_ROUNDS if is_free else 1):
+                rays = emitted_directions(scale * lights, platform.camera_focal_length)
+                rotation = attitude(platform.seen(spots), rays, weights)
+                expected = received_spots(rays @ rotation.T, *platform.tracker)
+                if is_free:
+                    scale *= _size(spots, weights) / _size(expected, weights)
+        except DegenerateGeometryError:  # a mirrored square has no unique rotation
+            if kind == "pattern":
+                raise
+            continue
+        off = np.hypot(*(spots - expected).T)
         # Two lights have no misfit if the size is free.
         freedom = max(2 * int(np.count_nonzero(weights)) - 3 - is_free, 1)
         misfit = float(weights @ off**2 / freedom)
-        largest = float(fdtri(freedom, self.freedom, 1 - _FALSE_ALARM / _TEST_COUNT))
-        return _Fit(
+        largest = float(fdtri(freedom, known, 1 - _FALSE_ALARM / _TEST_COUNT))
+        yield _Fit(
             kind=kind,
             text=_TEXTS[kind].format(named=named, off=off.max(), scale=scale),
             misfit=misfit,
-            excess=misfit / max(largest, self.tolerated),
+            excess=misfit / max(largest, tolerated),
             freedom=freedom,
             rms=float(off @ off / off.size / 2) ** 0.5,
             is_rolled=np.trace(platform.reference.T @ rotation) < 0,
         )
+
+
+def _misfit(
+    design: _Fit, fits: Iterator[_Fit], size: float, problem: str
+) -> Iterator[Finding]:
+    """Yield the cause of a misfit of a pattern of this size, or of a rotation by more than 120 deg.
+
+    The fits under other causes are computed only if the design does not fit.
+    """
+    is_right = design.excess < 1
+    if is_right and not design.is_rolled:
+        return
+    causes = sorted(fits, key=lambda cause: (cause.kind == "swapped", cause.excess))
+    good = [cause for cause in causes if cause.excess < 1]
+    good = [cause for cause in good if not cause.is_rolled] or good * (not is_right)
+    refused = [cause for cause in good if cause.kind in _REFUSED_KINDS]
+    # Three lights fit without one light too.
+    if refused and all(cause.kind != "scale" for cause in good):
+        good = refused
+    if not (good or is_right):
+        fraction = min(c.rms for c in causes if c.kind != "displaced") / size
+        if fraction > _FOREIGN_FRACTION:
+            raise ValueError(f"spots: {problem}: {_FOREIGN_TEXT.format(fraction)}")
+        best = min(causes, key=lambda cause: cause.misfit)
+        good = [best if best.misfit * _MISFIT_FACTOR < design.misfit else design]
+    text = f"{problem}: {'; or '.join(cause.text for cause in good)}"
+    if good and good[0].kind in _REFUSED_KINDS:
+        raise ValueError(f"spots: {text}")
+    for cause in good[:1]:
+        yield Finding(cause.kind, text)
 
 
 def _size(points: FloatArray, weights: FloatArray) -> float:
