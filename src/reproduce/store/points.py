@@ -253,11 +253,8 @@ def matched_stars(
 
     The stars are in one table of matched stars, or in two arrays or tables, row by row.
     """
-    shape = number_array("weights", settings.get("weights", 1)).shape
-    if len(shape) > 1:
-        raise ValueError(
-            f"weights: expected shape (n,), got {shape}. Pass one number for each star"
-        )
+    if (weights := settings.get("weights")) is not None:
+        number_array("weights", weights, shape=(None,), exact=True)
     if target is not None:
         first, second = (
             read_table(image, STARS[:2], (*SIGMAS, "weight"), sep, name)
