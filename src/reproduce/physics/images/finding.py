@@ -221,12 +221,12 @@ def _without_background(image: Pixels) -> tuple[Pixels, Pixels]:
             bkg_rms_estimator=BiweightScaleBackgroundRMS(),
         )
         light -= enlarged(background.background_mesh)
-    # Rounding to whole numbers is noise, too. The last term is for images without noise.
+    # Rounding to whole numbers is noise, too.
     rounding = float(np.diff(values).min()) / np.sqrt(12)
     noise = np.maximum(background.background_rms_mesh, rounding)
     peak = float(np.nanmax(thinned_light))
-    has_noise = noise.min() > np.finfo(float).eps * peak
-    noise = np.maximum(noise, 0.0 if has_noise else 1e-3 * peak)
+    if noise.min() <= np.finfo(float).eps * peak:  # an image without noise
+        noise = np.maximum(noise, 1e-3 * peak)
     # A slope that continues beyond the edge may end below zero.
     return light, np.maximum(enlarged(noise), noise.min(), dtype=np.float32)
 
