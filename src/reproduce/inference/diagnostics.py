@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from scipy.special import betaincinv, ndtr, ndtri
@@ -43,7 +44,7 @@ def _integrated_time(series: FloatArray) -> float:
     power = (padded * padded.conj()).real.reshape(len(padded), -1).mean(axis=1)
     function = np.fft.irfft(power)[:steps]
     if function[0] <= 0:
-        return float(2 * steps - 1)
+        return 2 * steps - 1
     times = 2.0 * np.cumsum(function / function[0]) - 1.0
     outside = np.arange(steps) >= _WINDOW_TIMES * times
     outside[-1] = True
@@ -76,11 +77,11 @@ def autocorrelation_time(chains: FloatArray) -> float:
     """
     variance, means = chains.var(), chains.mean(axis=2).T
     if variance == 0:
-        return float(chains.shape[1])
+        return chains.shape[1]
     # About the common mean, so that ensembles that differ count as slow.
     inflation = chains.shape[2] * means.var() / variance
     walkers = _integrated_time(np.moveaxis(chains, 0, 1))
-    return max(walkers, _integrated_time(means) * inflation)
+    return max(walkers, float(_integrated_time(means) * inflation))
 
 
 def _effective_size(chains: FloatArray) -> float:
@@ -107,12 +108,11 @@ def _split_rhat(draws: FloatArray) -> float:
     """
     half = draws.shape[1] // 2
     halves = np.concatenate([draws[:, :half], draws[:, -half:]])
-    squares = []
-    for values in (halves, np.abs(halves - np.median(halves))):
-        scores = _rank_normalised(values)
-        within = scores.var(axis=1, ddof=1).mean()
-        squares.append(scores.mean(axis=1).var(ddof=1) / within)
-    return float(np.sqrt((half - 1) / half + max(squares)))
+    folded = np.abs(halves - np.median(halves))
+    scores = np.stack([_rank_normalised(halves), _rank_normalised(folded)])
+    within = scores.var(axis=-1, ddof=1).mean(axis=-1)
+    squares = scores.mean(axis=-1).var(axis=-1, ddof=1) / within
+    return float(np.sqrt((half - 1) / half + squares.max()))
 
 
 def _mcse_quantile(chains: FloatArray, probability: float) -> float:
@@ -123,7 +123,7 @@ def _mcse_quantile(chains: FloatArray, probability: float) -> float:
     size = _effective_size((chains <= np.quantile(chains, probability)).astype(float))
     first, second = size * probability + 1, size * (1 - probability) + 1
     low, high = np.quantile(chains, betaincinv(first, second, ndtr([-1.0, 1.0])))
-    return float((high - low) / 2)
+    return (high - low) / 2
 
 
 class ConvergenceCriteria:
@@ -206,7 +206,7 @@ def thinned(chains: FloatArray, time: float) -> FloatArray:
     Shape (ensembles, draws, ...): step by step, all walkers of a step in sequence. The time is
     rounded up.
     """
-    kept = chains[:, :: max(1, int(np.ceil(time)))]
+    kept = chains[:, :: ceil(time)]
     return kept.reshape(len(kept), -1, *kept.shape[3:])
 
 

@@ -237,7 +237,7 @@ class Likelihood(Protocol):
         return {
             f"{name} {i}": value
             for name, values in other.observed.items()
-            for i, value in enumerate(values.ravel().tolist(), 1)
+            for i, value in enumerate(values.ravel(), 1)
         }
 
 
@@ -409,8 +409,7 @@ class Model:
         the priors exclude most of the posterior.
         """
         drawn = _DRAWS_PER_EXACT * whole_number("draws", count)
-        rows = self.likelihood.exact(drawn, generator)
-        rows = rows[:, : self.dimension]
+        rows = self.likelihood.exact(drawn, generator)[:, : self.dimension]
         # The prior of the noise is that of the closed form within its bounds.
         rows = rows[np.isfinite(self.log_prior(rows))]
         normal = any(isinstance(one.prior, Normal) for one in self.parameters)

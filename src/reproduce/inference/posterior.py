@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -99,7 +100,7 @@ class PosteriorSamples:
         A quantity that fails a criterion is an `UnconvergedError`. The number of autocorrelation
         times is a criterion of the parameters only.
         """
-        stride = int(np.ceil(self.time))
+        stride = ceil(self.time)
         shape = len(self.chain), -1, self.chain.shape[2]
         rows = [
             diagnostics.summarised(name, one.unit, one.values.reshape(shape), stride)

@@ -217,4 +217,4 @@ def run_ensemble(model: Model, plan: Plan, ensemble: int) -> tuple[FloatArray, f
     state = warming.run_mcmc(state, warmup, skip_initial_state_check=True, store=False)
     sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
     chain = model.parameters_at(sampler.get_chain())
-    return chain, float(sampler.acceptance_fraction.mean())
+    return chain, sampler.acceptance_fraction.mean()

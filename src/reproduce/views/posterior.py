@@ -330,7 +330,9 @@ class Posterior(ResultView):
         """Return values by the name of their parameter in the displayed unit."""
         parameters = self.model.parameters
         return {
-            p.name: p.shown * values[p.name] for p in parameters if p.name in values
+            p.name: float(p.shown * values[p.name])
+            for p in parameters
+            if p.name in values
         }
 
     def intervals(self, *names: str) -> Html:

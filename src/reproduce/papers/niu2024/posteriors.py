@@ -71,19 +71,18 @@ def truth(inputs: Inputs) -> dict[str, float]:
     """
     green, red, _ = true_centroids(inputs)
     fit = fit_registration(red, green, pivot(inputs))
-    values = dict(zip(models.TRANSFORM, fit.parameters.tolist(), strict=True))
-    return {**values, "noise": inputs[NOISE] * float(np.hypot(1, values["scale"]))}
+    values = dict(zip(models.TRANSFORM, fit.parameters, strict=True))
+    return {**values, "noise": inputs[NOISE] * np.hypot(1, values["scale"])}
 
 
 def _distorted_truth(inputs: Inputs) -> dict[str, float]:
     """Return the transform of ideal points in red, the noise, and both distortions at the edge."""
     green, red, _ = simulation.instrument(inputs)
-    ideal = similarity_between(red, green).parameters.tolist()
+    ideal = similarity_between(red, green).parameters
     offsets = true_centroids(inputs)[1] - red.principal_point
     edge = np.hypot(*offsets.T).max()
     moved = {
-        f"{side}-distortion": float(camera.radial_distortion * edge**3)
-        * camera.pixel_pitch**2
+        f"{side}-distortion": camera.radial_distortion * edge**3 * camera.pixel_pitch**2
         for side, camera in (("source", red), ("target", green))
     }
     return truth(inputs) | dict(zip(models.TRANSFORM, ideal, strict=True)) | moved
