@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from reproduce.inference import sampling
 from reproduce.papers.declare import changeable, computations
-from reproduce.papers.posteriors import File, posteriors
+from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import MODELS
 from reproduce.printed.cells import find
 from reproduce.views.cli import main
@@ -55,9 +55,7 @@ VALUES = st.tuples(NUMBERS, UNITS).map("".join)
 
 # Posterior -> the columns of a user file.
 COLUMNS = {
-    key: declared.file.columns
-    for key, declared in posteriors().items()
-    if isinstance(declared.file, File)
+    key: declared.columns for key, declared in posteriors().items() if declared.columns
 }
 
 

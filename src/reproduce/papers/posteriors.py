@@ -40,23 +40,6 @@ def posteriors() -> dict[str, Declaration]:
 
 
 @dataclass(frozen=True)
-class File:
-    """The format of your data.
-
-    - `columns`: of the table, in any order.
-    - `meaning`: the meaning of a row and of the columns.
-    - `read`: function of a file or table and keyword arguments. It raises `ValueError` for
-      unusable data.
-    - `accepts`: names of these arguments of `reproduce.posterior`, in addition to ``sep``.
-    """
-
-    columns: tuple[str, ...]
-    meaning: str
-    read: Callable[..., Supplied]
-    accepts: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Declaration:
     """A posterior of the book.
 
@@ -65,7 +48,11 @@ class Declaration:
     - `paper`: the paper whose numbers it uses.
     - `inputs`: addresses of the printed cells of the model: data, settings and priors.
     - `build`: returns the model with its data.
-    - `file`: the format of your data, or the reason why it accepts none.
+    - `meaning`: the meaning of a row of your data, or the reason why it accepts none.
+    - `columns`: columns of your data, in any order.
+    - `read`: function of your file or table and keyword arguments. It raises `ValueError` for
+      unusable data.
+    - `accepts`: names of these arguments of `reproduce.posterior`, in addition to ``sep``.
     - `steps`, `walkers`: sampled steps and walkers of an ensemble; zero walkers is the default
       number.
     - `summary`: names of quantities for the table of all posteriors, each with the address of its
@@ -77,7 +64,10 @@ class Declaration:
     paper: str
     inputs: tuple[str, ...]
     build: Callable[[Inputs], Model]
-    file: File | str
+    meaning: str
+    columns: tuple[str, ...] = ()
+    read: Callable[..., Supplied] | None = None
+    accepts: tuple[str, ...] = ()
     steps: int = _STEPS
     walkers: int = 0
     summary: Mapping[str, str] = field(default_factory=dict)
@@ -122,12 +112,11 @@ class Declaration:
                 "data: expected a file or a table with named columns, got "
                 f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
             )
-        file = self.file
-        if isinstance(file, str):
-            raise TableFileError(f"{self.key} takes no file: {file}")
-        if unknown := settings.keys() - {*file.accepts, "sep"}:
+        if self.read is None:
+            raise TableFileError(f"{self.key} takes no file: {self.meaning}")
+        if unknown := settings.keys() - {*self.accepts, "sep"}:
             raise ValueError(
                 f"{min(unknown)}: expected none for {self.key}. Leave it out"
             )
         with computing("data"):
-            return file.read(data, **settings)
+            return self.read(data, **settings)

@@ -114,11 +114,7 @@ class Posteriors(Display):
         models, files = [], dict[tuple[str, str], list[str]]()
         for key, declared in posteriors().items():
             models.append((key, declared.paper, declared.title))
-            file = declared.file
-            if isinstance(file, str):
-                texts = "none", file
-            else:
-                texts = ", ".join(file.columns), file.meaning
+            texts = ", ".join(declared.columns) or "none", declared.meaning
             files.setdefault(texts, []).append(key)
         columns = [(", ".join(keys), *texts) for texts, keys in files.items()]
         caption = item_text("posteriors/models").caption

@@ -29,7 +29,7 @@ from reproduce.papers.chen2023.platform import (
     platform_of,
     square_ratio,
 )
-from reproduce.papers.posteriors import Declaration, File, Supplied
+from reproduce.papers.posteriors import Declaration, Supplied
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
@@ -90,7 +90,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 
 def _your_model(
     data: Any,
-    drifts: bool,
+    drifts: bool = False,
     platform: Platform | str | Path | None = None,
     sep: str | None = None,
 ) -> Supplied:
@@ -133,38 +133,34 @@ def _your_model(
     return table, model.with_priors(priors), remarks
 
 
-def _file(drifts: bool) -> File:
-    return File(
-        SPOTS,
-        "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in "
-        "the order of the platform; the images of a group in the order of time, with a column "
-        "frame if spots are lost",
-        partial(_your_model, drifts=drifts),
-        ("platform",),
-    )
-
+_SPOTS = partial(
+    Declaration,
+    paper="chen2023",
+    inputs=INPUTS,
+    meaning="one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 "
+    "in the order of the platform; the images of a group in the order of time, with a column "
+    "frame if spots are lost",
+    columns=SPOTS,
+    accepts=("platform",),
+)
 
 POSTERIORS = (
     *published.POSTERIORS,
-    Declaration(
+    _SPOTS(
         "misalignment",
         "Constant misalignment from laser spots",
-        "chen2023",
-        INPUTS,
-        _misalignment,
-        _file(drifts=False),
+        build=_misalignment,
+        read=_your_model,
         summary={
             **{f"angle-{axis}": f"Misalignment about {axis.upper()}" for axis in "xyz"},
             "position error": "Position on the ground, corrected",
         },
     ),
-    Declaration(
+    _SPOTS(
         "misalignment-drift",
         "Drifting misalignment from laser spots",
-        "chen2023",
-        INPUTS,
-        partial(_misalignment, drifts=True),
-        _file(drifts=True),
+        build=partial(_misalignment, drifts=True),
+        read=partial(_your_model, drifts=True),
         steps=330,
         summary={f"drift-{axis}": f"Drift about {axis.upper()}" for axis in "xyz"},
     ),

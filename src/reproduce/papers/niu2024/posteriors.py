@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from reproduce.inference import Derived, Model, models
 from reproduce.papers.niu2024 import published, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.posteriors import Declaration, File, Supplied
+from reproduce.papers.posteriors import Declaration, Supplied
 from reproduce.physics.optics import angle_from_pixels, channel_centroids
 from reproduce.physics.registration import (
     Problem,
@@ -175,35 +175,30 @@ def _check_mixture(problem: Problem) -> None:
         )
 
 
-_MEANING = (
-    "one star per line, in px: its position in the channel and in the reference channel"
-)
-_NO_FILE = (
-    "it is for the data of the book; registration and registration-mixture take stars"
-)
 _RED = partial(Declaration, paper="niu2024", inputs=INPUTS)
+_STARS = partial(
+    _RED,
+    meaning="one star per line, in px: its position in the channel and in the reference channel",
+    columns=STARS,
+    accepts=_SETTINGS,
+)
 
 POSTERIORS = (
     *published.POSTERIORS,
-    _RED(
+    _STARS(
         "registration",
         "Registration of one channel: similarity and Gaussian noise",
         build=_model,
-        file=File(STARS, _MEANING, _your_registration, _SETTINGS),
+        read=_your_registration,
         walkers=240,
     ),
-    _RED(
+    _STARS(
         "registration-mixture",
         "Registration with wrong matches: a good/bad mixture",
         build=partial(
             _model, kind=models.MixtureRegistration.of, wrong=_FALSE_FRACTION
         ),
-        file=File(
-            STARS,
-            _MEANING,
-            partial(_your_registration, kind=models.MixtureRegistration.of),
-            _SETTINGS,
-        ),
+        read=partial(_your_registration, kind=models.MixtureRegistration.of),
         steps=350,
         walkers=96,
     ),
@@ -211,6 +206,6 @@ POSTERIORS = (
         "registration-distortion",
         "Registration with both distortions free",
         build=partial(_model, kind=models.DistortedRegistration, true=_distorted_truth),
-        file=_NO_FILE,
+        meaning="it is for the data of the book; registration and registration-mixture take stars",
     ),
 )

@@ -31,6 +31,6 @@ POSTERIORS = (
         paper="lamp2025",
         inputs=INPUTS,
         build=registration,
-        file="the stars are made up",
+        meaning="the stars are made up",
     ),
 )
