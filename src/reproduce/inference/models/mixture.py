@@ -82,13 +82,6 @@ class DistortedRegistration(GaussianRegistration):
         return np.append(centre, (0.0, 0.0)), np.append(spread, (0.1, 0.1))
 
 
-_FRACTION_PRIOR = Uniform(
-    0.0,
-    0.5,
-    "from none to half of them: were more of them false, no majority would tell which are right",
-)
-
-
 @dataclass(frozen=True, eq=False)
 class MixtureRegistration(GaussianRegistration):
     """Registration with wrong matches: one more parameter, the fraction of wrong matches.
@@ -101,7 +94,19 @@ class MixtureRegistration(GaussianRegistration):
     noise_scale = "log"
     # Without wrong matches the fraction would pile up at zero, but its score has no bound.
     extra = (
-        Parameter("false-share", "f", "1", _FRACTION_PRIOR, 1.0, 0.0, "normal score"),
+        Parameter(
+            "false-share",
+            "f",
+            "1",
+            Uniform(
+                0.0,
+                0.5,
+                "from none to half of them: were more of them false, no majority would tell which "
+                "are right",
+            ),
+            natural=0.0,
+            scale="normal score",
+        ),
     )
     corner: FloatArray
     side: float

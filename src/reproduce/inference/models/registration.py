@@ -63,10 +63,10 @@ class GaussianRegistration(Likelihood):
     """
 
     observables = ("target",)
-    name: ClassVar[str] = "registration"
+    name = "registration"
     # Parameters after those of the transform and the noise, and `Parameter.scale` of the noise.
     extra: ClassVar[tuple[Parameter, ...]] = ()
-    noise_scale: ClassVar[str] = ""
+    noise_scale = ""
     problem: Problem
 
     @property

@@ -48,8 +48,6 @@ INPUTS = (*simulation.INPUTS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
 _MIN_STARS_MIXTURE = 10
 # Fraction of stars with equal displacements above which rounding hides the noise.
 _MAX_TIED = 0.1
-# Arguments of `fit_registration` that the posterior shares with `register`.
-_SETTINGS = ("model", "pivot", "weights", "source_covariance", "target_covariance")
 
 
 def true_centroids(inputs: Inputs) -> FloatArray:
@@ -180,7 +178,7 @@ _STARS = partial(
     _RED,
     meaning="one star per line, in px: its position in the channel and in the reference channel",
     columns=STARS,
-    accepts=_SETTINGS,
+    accepts=("model", "pivot", "weights", "source_covariance", "target_covariance"),
 )
 
 POSTERIORS = (
