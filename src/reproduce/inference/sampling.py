@@ -157,24 +157,24 @@ def sample(
     UnconvergedError
         If the chains fail a convergence criterion.
     """
-    run, results = partial(run_ensemble, model, plan), []
     execute = map if executor is None else executor.map
-    for result in execute(run, range(plan.ensembles)):
-        results.append(result)
-        if progress is not None:
-            progress(len(results), plan.ensembles)
-    arrays = map(np.stack, zip(*results, strict=True))
-    found = PosteriorSamples(model, plan.seed, *arrays)
-    try:
-        require(found.rows, plan.steps, found.acceptance)
-        if longer:
-            found.summaries()
-    except UnconvergedError as error:
-        if not longer or error.steps is None or error.steps > _MAX_STEPS:
-            raise
-        enough = replace(plan, steps=error.steps)
-        return sample(model, enough, longer=True, executor=executor, progress=progress)
-    return found
+    while True:
+        run, results = partial(run_ensemble, model, plan), []
+        for result in execute(run, range(plan.ensembles)):
+            results.append(result)
+            if progress is not None:
+                progress(len(results), plan.ensembles)
+        arrays = map(np.stack, zip(*results, strict=True))
+        found = PosteriorSamples(model, plan.seed, *arrays)
+        try:
+            require(found.rows, plan.steps, found.acceptance)
+            if longer:
+                found.summaries()
+            return found
+        except UnconvergedError as error:
+            if not longer or error.steps is None or error.steps > _MAX_STEPS:
+                raise
+            plan = replace(plan, steps=error.steps)
 
 
 def run_ensemble(model: Model, plan: Plan, ensemble: int) -> tuple[FloatArray, float]:

@@ -185,10 +185,9 @@ class GaussianRegistration(Likelihood):
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the registration of target points drawn for one parameter vector."""
         normal = generator.normal(size=(*self.source.shape, 1))
-        # Any matrix whose product with its transpose is the covariance.
-        root = np.linalg.inv(np.linalg.cholesky(self.precision)).mT
-        noise = self.noise(parameters[None]) * (root @ normal)[..., 0]
-        return self.with_target(self.places(parameters[None])[0] + noise)
+        unit = np.linalg.solve(np.linalg.cholesky(self.precision).mT, normal)[..., 0]
+        target = self.places(parameters[None])[0]
+        return self.with_target(target + self.noise(parameters[None]) * unit)
 
     def with_target(self, target: FloatArray) -> Self:
         """Return the registration of the same sources to other target points, (points, 2)."""
@@ -217,9 +216,11 @@ class GaussianRegistration(Likelihood):
         if not fit.errors_known:
             scaled = generator.chisquare(fit.degrees_of_freedom, count)
             noise = np.sqrt(fit.chi_square / scaled)
-        normal = generator.normal(size=(count, 4))
-        root = np.linalg.cholesky(np.linalg.inv(self.linear_normal))
-        rows = self.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
+        cofactor = np.linalg.inv(self.linear_normal)
+        unit = generator.multivariate_normal(
+            np.zeros(4), cofactor, count, method="cholesky"
+        )
+        rows = self.linear(fit.parameters[None]) + noise[:, None] * unit
         factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
         angles = angle + np.angle(factors * np.exp(-1j * angle))
         scales = np.abs(factors)
