@@ -166,7 +166,7 @@ class GaussianRegistration(Likelihood):
         residuals, inverse = self.target - self.places(parameters), self.precision
         if self.problem.source_covariance.any():
             inverse = self._precision(parameters[:, : self.size])
-        squares = np.vecdot(residuals, (inverse @ residuals[..., None])[..., 0])
+        squares = np.einsum("...i,...ij,...j", residuals, inverse, residuals)
         return self._constant + self.white_noise(
             squares, 2, self.noise(parameters)[:, None]
         )
@@ -221,7 +221,7 @@ class GaussianRegistration(Likelihood):
             np.zeros(4), cofactor, count, method="cholesky"
         )
         rows = self.linear(fit.parameters[None]) + noise[:, None] * unit
-        factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
+        factors, angle = as_complex(rows[:, :2]), fit.parameters[1]
         angles = angle + np.angle(factors * np.exp(-1j * angle))
         scales = np.abs(factors)
         # Flat in scale and rotation is flat in the two parts divided by the scale.
