@@ -155,7 +155,7 @@ def _retroreflector(inputs: Inputs) -> _Values:
 def _roll_leak(inputs: Inputs) -> _Values:
     """Roll the camera about its boresight, and compute (5) in both orders."""
     tracker = "chen2023/table-2#tracker-"
-    spots = inputs.array("chen2023/text-platform#spot-*").reshape(4, 2)
+    spots = inputs.pairs("chen2023/text-platform#spot-*")
     size = inputs.array(f"{tracker}pixels-*")
     scale = (
         inputs[f"{tracker}pixel-size.value"] / inputs[f"{tracker}focal-length.value"]

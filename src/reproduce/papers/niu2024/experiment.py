@@ -106,7 +106,7 @@ def half_field(inputs: Inputs) -> FloatArray:
 
 def _residuals(inputs: Inputs) -> FloatArray:
     """Return the printed residuals of red and blue along x and y, shape (2, 2), in px."""
-    return inputs.array("niu2024/text-experiment#rmse-after-*").reshape(2, 2)
+    return inputs.pairs("niu2024/text-experiment#rmse-after-*")
 
 
 def _centroid_errors(inputs: Inputs) -> FloatArray:

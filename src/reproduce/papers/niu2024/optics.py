@@ -40,6 +40,5 @@ def centre_wavelengths(inputs: Inputs, *, centre: str) -> Results:
         low, high = inputs.array("niu2024/text-experiment#simulator-band-*")
         middles = np.linspace(low, high, 7)[1::2]
     else:
-        ends = inputs.array("niu2024/text-optics#band-*")
-        middles = ends.reshape(3, 2).mean(axis=1)
+        middles = inputs.pairs("niu2024/text-optics#band-*").mean(axis=1)
     return by_cell("centre-wavelength-{}", middles, bands)

@@ -85,8 +85,8 @@ INPUTS = (
 
 def half_ranges(inputs: Inputs) -> FloatArray:
     """Return half the printed range about x and about y, shape (2,), in radians."""
-    ends = inputs.array("niu2024/text-simulation#range-?-*")
-    return np.diff(ends.reshape(2, 2))[:, 0] / 2
+    ends = inputs.pairs("niu2024/text-simulation#range-?-*")
+    return np.diff(ends)[:, 0] / 2
 
 
 def _lattice(inputs: Inputs, name: str) -> FloatArray:
@@ -123,7 +123,7 @@ def principal_points(inputs: Inputs) -> FloatArray:
 
 def translations(inputs: Inputs, table: str) -> FloatArray:
     """Return the translations of red and blue in a table, shape (2, 2), in px."""
-    return inputs.array(f"{table}#translation-?.*").reshape(2, 2).T
+    return inputs.pairs(f"{table}#translation-?.*").T
 
 
 def instrument_of(
@@ -242,7 +242,7 @@ def _printed(inputs: Inputs, translations: str) -> Registration:
     """Return the transforms of Table 3 about the principal points of red and blue."""
     _, *others = instrument(inputs, translations)
     pivots = np.stack([camera.principal_point for camera in others])
-    parameters = inputs.array("niu2024/table-3").reshape(4, 2).T
+    parameters = inputs.pairs("niu2024/table-3").T
     return Registration("similarity", parameters, pivots)
 
 
