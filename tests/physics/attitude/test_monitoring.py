@@ -64,3 +64,14 @@ def test_intervals_cover(case):
     for level, hits in inside.items():
         error = np.sqrt(level * (1 - level) / REPLICATES)
         assert_allclose(np.mean(hits, axis=0), level, atol=3.5 * error)
+
+
+def test_errors_of_a_large_rotation_are_those_of_replicates():
+    """The error about Z, 200 times larger, adds to the others."""
+    design, turn = platform(SQUARE), np.array([[0, 0, 0], [0.01, -0.02, 0.03]])
+    spots = design.predicted(turn)[:, None]
+    noise = default_rng(3).normal(0, NOISE, (REPLICATES, 2, 5, 4, 2))
+    found = [monitored(*(spots + one), design) for one in noise]
+    expected = np.mean([one.error**2 for one in found], axis=0)
+    variance = np.var([one.mean for one in found], axis=0)
+    assert_allclose(variance / expected, 1, atol=4 * np.sqrt(2 / REPLICATES))

@@ -144,32 +144,45 @@ def monitored(
     squares, freedom, smallest = np.zeros(3), 0, np.full(3, np.inf)
     for name, images in (("zero_spots", before), ("spots", now)):
         usable, single, response = _measured(name, images, zero, platform)
-        # Variance of the angles for spots of unit variance.
-        variance = np.square(response).sum(axis=(-2, -1))
+        # Variance of small rotations for spots of unit variance.
+        variance = np.square(response).sum(axis=-1)
         weights = 1 / variance / (1 / variance).sum(axis=0)
         mean = (weights * single).sum(axis=0)
-        squares += (np.square(single - mean) / variance).sum(axis=0)
+        turned = _derivative(mean)
+        offsets = (single - mean) @ np.linalg.inv(turned).T
+        squares += (np.square(offsets) / variance).sum(axis=0)
         freedom += len(single) - 1
         smallest = np.minimum(smallest, variance.min(axis=0))
-    # Noise of a spot, in px, from the scatter of each angle.
+    # Noise of a spot, in px, from the scatter of the rotations about each axis.
     noise = np.sqrt(squares / (freedom or np.nan))
     counts = np.isfinite(before[..., 0]).sum(axis=0)
-    together = (weights[..., None, None] * response).sum(axis=0)
-    past = np.square(together).sum(axis=-1) @ (1 / counts)
-    present = (np.square(weights) * variance).sum(axis=0)
+    response *= noise[:, None]
+    # The zero point is rotated in the opposite sense.
+    past = turned.T @ (weights[..., None] * response).sum(axis=0)
+    present = turned @ response
     angles = np.full((len(now), 3), np.nan)
     covariance = np.full((len(now), 3, 3), np.nan)
-    scaled = response * noise[:, None, None]
     angles[usable] = single
-    covariance[usable] = np.einsum("faij,fbij->fab", scaled, scaled)
+    covariance[usable] = present @ present.mT
+    variance = np.square(past) @ (1 / np.repeat(counts, 2))
+    variance += np.square(weights[..., None] * present).sum(axis=(0, 2))
     return Monitoring(
         angles,
         covariance,
         mean,
-        noise * np.sqrt(smallest),
-        widening * noise * np.sqrt(past + present),
+        np.sqrt(np.square(turned * noise) @ smallest),
+        widening * np.sqrt(variance),
         min(freedom, limit),
     )
+
+
+def _derivative(angles: FloatArray) -> FloatArray:
+    """Return the derivative of a rotation vector by a small rotation after it, shape (3, 3).
+
+    The error is about angle^4 / 720.
+    """
+    matrix = np.cross(np.eye(3), angles)  # of the cross product of the angles
+    return np.eye(3) + matrix / 2 + matrix @ matrix / 12
 
 
 def _zero_point(images: FloatArray) -> FloatArray:
@@ -195,4 +208,5 @@ def _measured(
     spots = np.where(lights[..., None], images[usable], zero)
     # The zero point of an image has the lights of the image.
     angles = platform.misalignment(spots, platform.transform(zero, lights), lights)
-    return usable, angles, platform.response(spots, lights)
+    response = platform.response(spots, lights)
+    return usable, angles, response.reshape(*angles.shape, -1)
