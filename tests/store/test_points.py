@@ -169,13 +169,14 @@ def test_arrays_with_masks_units_or_other_shapes_are_refused():
         (np.ma.masked_equal(source, source[2, 1]), "row 2, column y"),
         (pint.UnitRegistry().Quantity(source.tolist(), "mm"), "millimeter"),
         (source * units.mm, "px, got mm"),
+        ([*source * units.mm], "a quantity"),
         (source * units.dimensionless_unscaled, "px, got no unit"),
         (1j * source, "real numbers"),
         (source.astype(str), "real numbers"),
         (source[:, :1], "shape"),
         (source[:0], "shape"),
         (source[None], "shape"),
-        (np.where(source == source[2, 1], np.nan, source), "row 2, column y"),
+        (np.where(source == source[2, 1], None, source), "row 2, column y"),
         ([[1, 2], [3]], "unequal length"),
     ):
         with pytest.raises(TableFileError, match=f"^source.*{place}"):

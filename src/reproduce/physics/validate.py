@@ -51,13 +51,14 @@ def number_array(
 
     Infinity is accepted, too. An exact shape has no leading dimensions.
     """
-    has_unit = hasattr(value, "to") and (
-        hasattr(value, "unit") or hasattr(value, "units")
-    )
+    # The entries of a list may have units or masks.
+    part: Any = value[0] if isinstance(value, (list, tuple)) and value else value
+    has_unit = hasattr(part, "to") and (hasattr(part, "unit") or hasattr(part, "units"))
     content: object = "a quantity" if has_unit else "rows of unequal length"
     try:
         if has_unit:
             raise TypeError
+        value = np.ma.asarray(value) if np.ma.isMaskedArray(part) else value
         raw = np.asarray(value)
         content = raw.dtype
         if raw.dtype.kind in "cUSmM":
