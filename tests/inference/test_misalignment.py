@@ -97,7 +97,8 @@ def all_images(platform, parameters, groups):
 def test_statistics_give_the_likelihood_of_all_images(platform, drift):
     """Near the posterior; the bend of the paths of a drift is the only difference."""
     groups, drifts = images(platform, drift, 100), bool(drift.any())
-    model = misalignment_model(SpotLikelihood.of(platform, groups, drifts))
+    times = 0, drifts * np.linspace(-1, 1, 100)
+    model = misalignment_model(SpotLikelihood.of(platform, groups, times))
     centre, spread = model.likelihood.start()
     steps = np.random.default_rng(1).normal(size=(8, len(centre)))
     points = centre + 0.5 * spread * steps

@@ -374,6 +374,12 @@ def test_times_of_a_table_are_the_index_of_its_images():
     assert read.images().index.name == "time"
     np.testing.assert_array_equal(read.images().index, times[seen])
     np.testing.assert_allclose(read.angles, found.angles[seen], atol=1e-12)
+    # A drift depends on the times of the images without a lost spot.
+    data = rp.posterior("misalignment-drift", rows, platform=design).model.likelihood
+    left = times[np.isfinite(now).all(axis=(1, 2))]
+    moved = np.outer([left.mean(), np.ptp(left)], [4, -6, 0]) / ARCSEC_PER_RADIAN
+    pulls = (data.start()[0][3:9] - moved.ravel()) / data.start()[1][3:9]
+    assert np.abs(pulls).max() < 4
 
 
 # Measurements of a user: stars.

@@ -2,18 +2,21 @@
 
 The spots of the calibration group are data too. The zero attitude is a parameter, so its error
 contributes to the posterior of the misalignment. A group is a series of images of the same lasers.
-Times within a group run as u from -1 to 1. Spots have shape (groups, lasers, 2), in px. Angles are
-in radians, right-handed about the axes of the camera. Frames and signs are those of
+Times u within a group have the mean 0 and the range 2. Spots have shape (groups, lasers, 2), in px.
+Angles are in radians, right-handed about the axes of the camera. Frames and signs are those of
 `physics.attitude`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import ArrayLike
 
 from reproduce.inference import (
     Estimate,
@@ -39,13 +42,12 @@ class SpotLikelihood(Likelihood):
     """Spots of two groups: the zero point, and a misalignment that may drift linearly.
 
     Moments, weights and squares are sufficient statistics of the images. With a drift, the
-    misalignment is the value in the middle of the second group.
+    misalignment is the value at the mean time of the second group.
 
     - `platform`: instrument.
     - `moments`, (2, groups, lasers, 2): mean of each coordinate over the images, and its slope
       against u; in px.
-    - `weights`, (2, groups): images in each group, and sum of their squared u; the sum is zero
-      for a camera at rest.
+    - `times`, (images,) for each group: u; zero for a camera at rest.
     - `squares`: sum of all squared deviations from means (and slopes), in px^2.
 
     Notes
@@ -57,27 +59,31 @@ class SpotLikelihood(Likelihood):
     observables = ("spots",)
     platform: Platform
     moments: FloatArray
-    weights: FloatArray
+    times: tuple[FloatArray, ...]
     squares: float
 
     @classmethod
     def of(
-        cls, platform: Platform, images: list[FloatArray], drifts: bool = False
+        cls,
+        platform: Platform,
+        images: Sequence[FloatArray],
+        times: Sequence[ArrayLike] = (0.0, 0.0),
     ) -> Self:
-        """Reduce images (frames, lasers, 2) of both groups, evenly spaced in time, in px.
-
-        `drifts` is whether the camera may drift in the second group.
-        """
-        moments, weights, squares = [], [], 0.0
-        for spots, drift in zip(images, (False, drifts), strict=True):
-            times, mean = drift * np.linspace(-1, 1, len(spots)), spots.mean(axis=0)
-            lever = float(times @ times)
-            slope = np.tensordot(times, spots - mean, axes=1) / (lever or 1.0)
-            residuals = spots - mean - times[:, None, None] * slope
+        """Reduce images (frames, lasers, 2) of both groups at some times u, in px."""
+        moments, squares = [], 0.0
+        series = tuple(map(np.full, map(len, images), times))
+        for spots, u in zip(images, series, strict=True):
+            mean = spots.mean(axis=0)
+            slope = np.tensordot(u, spots - mean, axes=1) / (float(u @ u) or 1.0)
+            residuals = spots - mean - u[:, None, None] * slope
             squares += np.square(residuals).sum()
             moments.append((mean, slope))
-            weights.append((len(spots), lever))
-        return cls(platform, np.stack(moments, axis=1), np.transpose(weights), squares)
+        return cls(platform, np.stack(moments, axis=1), series, squares)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Images in each group, and sum of their squared u, shape (2, groups)."""
+        return np.transpose([(len(u), u @ u) for u in self.times])
 
     @property
     def spots(self) -> FloatArray:
@@ -139,14 +145,14 @@ class SpotLikelihood(Likelihood):
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of simulated images for one parameter vector."""
-        images, counts = [], self.counts.astype(int)
-        for mean, slope, count in zip(
-            *self.predicted(parameters[None])[0], counts, strict=True
+        images = []
+        for mean, slope, u in zip(
+            *self.predicted(parameters[None])[0], self.times, strict=True
         ):
-            path = mean + np.linspace(-1, 1, count)[:, None, None] * slope
+            path = mean + u[:, None, None] * slope
             noise = generator.standard_normal(path.shape)
             images.append(path + parameters[-1] * noise)
-        return self.of(self.platform, images, self.drifts)
+        return self.of(self.platform, images, self.times)
 
     def start(self) -> Estimate:
         """Return three Gauss-Newton steps from rough values, and standard errors."""
@@ -215,7 +221,7 @@ def misalignment_model(likelihood: SpotLikelihood) -> Model:
     Returns
     -------
     Model
-        Parameters mount-x..z, angle-x..z (rad, in the middle of the group), drift-x..z (over the
+        Parameters mount-x..z, angle-x..z (rad, at the mean time of the group), drift-x..z (over the
         whole group, if it drifts), laser-scale and noise (px).
     """
     angles = _angles("angle", r"\theta", _MISALIGNMENT_PRIOR)

@@ -3,7 +3,8 @@
 The spots of single images are not published. The misalignments therefore take one simulation of
 the platform, with the printed spots, their printed scatter and a seed of this project.
 
-The images of a group of your spots are in the order of time, evenly spaced.
+The column time of your spots, or frame, contains the time of an image, in any unit. Without both,
+the images of a group are in the order of time, evenly spaced.
 """
 
 from __future__ import annotations
@@ -78,7 +79,8 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         angles = np.linspace(middle - half, middle + half, frames)
         true = design.predicted(angles, lasers=lasers)
         groups.append(true + noise * generator.normal(size=true.shape))
-    model = misalignment_model(SpotLikelihood.of(design, groups, drifts))
+    times = 0.0, drifts * np.linspace(-1, 1, frames)
+    model = misalignment_model(SpotLikelihood.of(design, groups, times))
     # The angles, then the drifts if they are parameters.
     truth = zip(model.names[3:-2], [*_TRUTH, *_DRIFT], strict=False)
     return replace(
@@ -101,12 +103,11 @@ def _your_model(
     """
     table = read_table(data, SPOTS, IMAGES, sep)
     design = platform_of(platform)
-    pair, _ = images_of(table, len(design.lasers))
+    pair, labels = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
     remarks = [one.text for one in diagnosis.findings]
-    images = [
-        group[np.isfinite(group).all(axis=(-2, -1))] for group in diagnosis.images
-    ]
+    whole = [np.isfinite(group).all(axis=(-2, -1)) for group in diagnosis.images]
+    images = [group[seen] for group, seen in zip(diagnosis.images, whole, strict=True)]
     counts = [len(group) for group in images]
     if lost := sum(map(len, diagnosis.images)) - sum(counts):
         remarks.append(f"{lost} images that lack a spot are omitted")
@@ -121,7 +122,9 @@ def _your_model(
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
-    likelihood = SpotLikelihood.of(instrument, images, drifts)
+    times = labels[whole[1]].to_numpy(float)
+    u = drifts * 2 * (times - times.mean()) / np.ptp(times)
+    likelihood = SpotLikelihood.of(instrument, images, (0.0, u))
     model, scatter = misalignment_model(likelihood), likelihood.start()[0][-1]
     *angles, _, noise = model.names
     priors: dict[str, Prior] = dict.fromkeys(angles, _ANGLE_PRIOR)
@@ -139,7 +142,7 @@ _SPOTS = partial(
     inputs=INPUTS,
     meaning="one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 "
     "in the order of the platform; the images of a group in the order of time, with a column "
-    "frame if spots are lost",
+    "frame or time if spots are lost or the times are uneven",
     columns=SPOTS,
     accepts=("platform",),
 )
