@@ -147,7 +147,7 @@ def test_a_start_gives_the_nearest_stars(fit, tmp_path):
     red, green = fit.source_stars, fit.target_stars
     found = rp.match(red, green, start=TRUTH, radius=2)
     assert len(found) == len(PLACES)
-    same = rp.match(red, green, start=TRUTH.parameters, radius=2)
+    same = rp.match(red, green, start=pd.Series(TRUTH.parameters), radius=2)
     pd.testing.assert_frame_equal(same, found)
     for start in ("x", (1, 0, 0), (0, 0, 0, 0), (1, np.nan, 0, 0)):
         with pytest.raises((TypeError, ValueError), match=r"start|parameters"):
@@ -229,6 +229,8 @@ def test_tables_of_stars_give_the_fit_of_the_images(fit, tmp_path):
     for file, (x, y) in zip(files, (places.T, np.add(places, [3, -2]).T), strict=True):
         Table({"X": x, "Y": y, "FLUX": np.arange(60.0)}).write(file, format="fits")
     np.testing.assert_allclose(rp.register(*files).parameters, [1, 0, -3, 2], atol=1e-6)
+    listed = rp.stars(places).frame()
+    pd.testing.assert_frame_equal(rp.stars(listed).frame(), listed)
 
 
 def test_wrong_arguments_are_named():

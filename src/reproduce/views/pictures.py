@@ -43,7 +43,7 @@ _UNITS = {
     "background": "digital numbers",
     "noise": "digital numbers",
 }
-_CENTRE = ["x", "y", "sigma_x", "sigma_y"]
+_CENTRE, _ERRORS = ["x", "y"], ["sigma_x", "sigma_y"]
 
 
 def stars(
@@ -104,7 +104,7 @@ def stars(
         facts, findings = spots.facts, spots.findings
     else:
         optional = (*SIGMAS, "flux", "mag", "weight")
-        table = read_table(source, _CENTRE[:2], optional, sep, name)
+        table = read_table(source, _CENTRE, optional, sep, name)
         name, centre = table.path, table.values
         if "weight" in table.numbers:
             raise ValueError(
@@ -115,8 +115,9 @@ def stars(
         given = covariances(table)
         covariance = np.zeros_like(shapes) if given is None else given
         middle, facts, findings = centre.mean(axis=0), {}, ()
-    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    frame = pd.DataFrame(np.hstack([centre, sigma]), columns=_CENTRE)
+    frame = pd.DataFrame(centre, columns=_CENTRE)
+    if covariance.any():  # otherwise it is unknown
+        frame[_ERRORS] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     frame = frame.assign(**{"dropped": "", **columns})
     if (flux := brightness(columns)) is not None:
         frame = frame.iloc[np.argsort(-flux, kind="stable")]
@@ -187,7 +188,8 @@ def match(
     first, second = stars(source, name="source"), stars(target, name="target")
     field = np.ptp(np.vstack([first.points, second.points]), axis=0).max()
     near = _PAIR_PX + _PAIR_FRACTION * field if radius is None else radius
-    start = getattr(start, "transform", start)
+    if isinstance(start, RegistrationResult):
+        start = start.transform
     if start is not None and not isinstance(start, Registration):
         if np.shape(start) != (4,):
             raise ValueError(
@@ -218,8 +220,8 @@ class Stars(Display):
     name : str
         Name of the image or list.
     table : DataFrame
-        x, y, sigma_x and sigma_y in px, and the other known columns of each star. The brightest
-        star comes first if the brightness is known.
+        x and y in px, and the other known columns of each star, such as sigma_x and sigma_y. The
+        brightest star comes first if the brightness is known.
     covariance : ndarray, shape (n, 2, 2)
         Covariance of the centres, in px^2; zero if unknown.
     middle : ndarray, shape (2,)
@@ -246,7 +248,7 @@ class Stars(Display):
     @property
     def points(self) -> FloatArray:
         """Centres, in px, shape (n, 2)."""
-        return self.table[["x", "y"]].to_numpy(float)
+        return self.table[_CENTRE].to_numpy(float)
 
     @property
     def log(self) -> str:
