@@ -3,7 +3,8 @@
 Images have shape (frames, lights, 2), in px. A lost spot is NaN: its coordinates are NaN, masked or
 larger than 1e30. A row of a table is a spot with the columns ``group`` (0 at the zero point, 1 at
 the present), ``laser`` (from 1), ``x`` and ``y`` in px, and ``frame`` or ``time``, the number of
-its image. Without this number, no spot is lost and the images are in order.
+its image. Without this number, no spot is lost and the images are in order. With both, ``frame`` is
+the number and ``time`` the label of an image.
 """
 
 from __future__ import annotations
@@ -70,20 +71,23 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
         allowed = np.isin(table.numbers[name], range(least, greatest + 1))
         table.check(name, allowed, f"a whole number from {least} to {greatest}")
     frame = pd.DataFrame(dict(table.numbers))
-    label = next((column for column in IMAGES if column in frame), None)
-    series = frame.groupby(["group", "laser"])["x"]
-    frame["image"] = series.cumcount() if label is None else frame[label]
-    repeats = frame.duplicated(["group", "laser", "image"])
+    label = next((column for column in IMAGES if column in frame), "image")
+    if label == "image":
+        series = frame.groupby(["group", "laser"])["x"]
+        frame[label] = series.cumcount()
+        if series.size().groupby("group").nunique().max() > 1:
+            raise TableFileError(
+                f"{table.path}, column laser: expected equally many spots of each light, got "
+                "others. Add a column frame, a number for each image"
+            )
+    repeats = frame.duplicated(["group", "laser", label])
     table.check("laser", ~repeats.to_numpy(), "each light once in an image")
-    if label is None and series.size().groupby("group").nunique().max() > 1:
-        raise TableFileError(
-            f"{table.path}, column laser: expected equally many spots of each light, got others. "
-            "Add a column frame, a number for each image"
-        )
+    shown = "time" if "time" in frame else label
     groups = []
     for group in range(2):
         rows = frame[frame["group"] == group]
-        images, labels = pd.factorize(rows["image"], sort=True)
+        labels = rows.groupby(label)[shown].first()
+        images = labels.index.searchsorted(rows[label])
         spots = np.full((len(labels), count, 2), np.nan)
         spots[images, rows["laser"].astype(int) - 1] = rows[["x", "y"]]
         groups.append(spots)
@@ -92,4 +96,4 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
             f"{table.path}, column group: expected spots at the zero point (0) and at the present "
             "(1), got one group. Add the other"
         )
-    return (groups[0], groups[1]), pd.Index(labels, name=label or "image")
+    return (groups[0], groups[1]), pd.Index(labels, name=shown)

@@ -359,7 +359,7 @@ class MisalignmentResult(UserResult):
     def images(self) -> pd.DataFrame:
         """Return the angles of each image about X, Y and Z of the camera, in arcsec.
 
-        They are NaN in an image of fewer than two lights. The index is the ``frame`` or ``time`` of
+        They are NaN in an image of fewer than two lights. The index is the ``time`` or ``frame`` of
         a table, or counts from one.
         """
         import pandas as pd

@@ -3,8 +3,8 @@
 The spots of single images are not published. The misalignments therefore take one simulation of
 the platform, with the printed spots, their printed scatter and a seed of this project.
 
-The column time of your spots, or frame, contains the time of an image, in any unit. Without both,
-the images of a group are in the order of time, evenly spaced.
+The column time of your spots (or else frame) contains the time of an image, in any unit. Without
+both, the images of a group are in the order of time, evenly spaced.
 """
 
 from __future__ import annotations
