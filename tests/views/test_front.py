@@ -270,6 +270,8 @@ def test_the_platform_can_be_replaced_and_wrong_spots_are_named(lasers):
     np.testing.assert_allclose(deviation, scatter, rtol=4 / np.sqrt(38))
     lost = np.where(np.arange(4)[:, None] == 2, np.inf, now)
     assert rp.misalignment(lost, zero).found.angles.shape == (20, 3)
+    rows = spot_frame(zero, now).drop(columns="frame")
+    pd.testing.assert_frame_equal(rp.misalignment(rows).images(), plain.images())
     for argument, *wrong in (
         ("zero", now),
         ("zero", "spots.csv", zero),

@@ -74,7 +74,7 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
     label = next((column for column in IMAGES if column in frame), "image")
     if label == "image":
         series = frame.groupby(["group", "laser"])["x"]
-        frame[label] = series.cumcount()
+        frame[label] = series.cumcount() + 1
         if series.size().groupby("group").nunique().max() > 1:
             raise TableFileError(
                 f"{table.path}, column laser: expected equally many spots of each light, got "
