@@ -243,7 +243,9 @@ class Table(ItemView, _Judged):
                 frame = frame.rename(columns={"row": "", "value": ""})
         else:
             frame.insert(0, "quantity", [cell.label for cell in table.cells])
-            frame["place"] = [cell.place for cell in table.cells]
+            places = [cell.place for cell in table.cells]
+            if len({*places}) > 1:
+                frame["place"] = places
         caption = f"{table.place}. {table.title}."
         legend = written("legend.txt", records=records)
         return export_frame(frame, form, self.provenance, self.key, caption, legend)
