@@ -262,6 +262,7 @@ class Table(ItemView, _Judged):
             table=table,
             records=dict(zip(table.by_name, records, strict=True)),
             verdicts=verdicts,
+            flags=verdicts.flags,
             notes=_notes,
             caption=caption,
         )
