@@ -1,12 +1,13 @@
 """Directions of imports between the folders of the package."""
 
 import ast
-import subprocess
 import sys
 from graphlib import TopologicalSorter
-from pathlib import Path
 
-SOURCE = Path(__file__).parent.parent / "src" / "reproduce"
+from commands import output_of
+from places import ROOT
+
+SOURCE = ROOT / "src" / "reproduce"
 
 # Folder -> what it may import from the project. A dotted name allows only that module.
 ARROWS = {
@@ -136,5 +137,4 @@ def test_a_cell_is_judged_without_the_audit():
         "import sys, reproduce as rp; print(rp.table('niu2024/table-3')['scale.red'].verdict, "
         "[name for name in sys.modules if name.startswith('reproduce.consistency')])"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    assert run.stdout.split() == [b"differs", b"[]"]
+    assert output_of(sys.executable, "-c", code).split() == ["differs", "[]"]

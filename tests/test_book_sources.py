@@ -1,8 +1,8 @@
 """The sources of the book: every item shown once, and no number typed into a sentence."""
 
 import re
-from pathlib import Path
 
+from places import ROOT
 from sphinx_external_toc.parsing import parse_toc_yaml
 
 from reproduce.papers.catalogue import catalogue
@@ -11,7 +11,7 @@ from reproduce.printed.cells import PAPERS, library
 from reproduce.views.figure import drawable
 from reproduce.views.verdicts import facts_of
 
-BOOK = Path(__file__).parent.parent / "book"
+BOOK = ROOT / "book"
 PATHS = [p for p in BOOK.rglob("*.md") if not {"_build", "_extra"} & set(p.parts)]
 PAGES = {
     path.relative_to(BOOK).with_suffix("").as_posix(): path.read_text(encoding="utf-8")

@@ -4,16 +4,15 @@ import ast
 import json
 import pickle
 import re
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from reproduce.inference import sampling
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import computed, figure
 from reproduce.views.posterior import book_posterior
 
-ROOT = Path(__file__).parent.parent
 DELETE = re.compile(r"\.(rmtree|unlink|rmdir|removedirs)\(|\bos\.remove\(")
 PICKLE = re.compile(r"\b(pickle|joblib|shelve|dill|marshal|allow_pickle=True)\b")
 # All delete below book/_build, which only a build writes.

@@ -2,14 +2,14 @@
 
 import ast
 import re
-from pathlib import Path
 from pkgutil import resolve_name
+
+from places import ROOT
 
 from equation_source import implementations
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computations
 
-ROOT = Path(__file__).parent.parent
 LABEL = re.compile(r"^\$\$ ?\(((?:niu2024|chen2023)-[a-z0-9-]+)\)", re.MULTILINE)
 LINK = re.compile(r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`")
 LOST = re.compile(r"Implements(?!: (niu2024|chen2023) \(\d+\))")

@@ -6,18 +6,17 @@ import os
 import re
 import subprocess
 import tomllib
-from pathlib import Path
 
 import jsonschema
 import pytest
 import yaml
+from places import ROOT
 
 import reproduce
 from release import licence_of
 from reproduce.store import studies
 from reproduce.version import AUTHORS
 
-ROOT = Path(__file__).resolve().parents[1]
 # Hosts of package registries, and folders of one machine.
 FOREIGN = re.compile(
     r"(pypi\.org|pythonhosted\.org|npmjs\.(org|com)|deb\.debian\.org|(?<!no-emit-)index-url"
@@ -64,8 +63,6 @@ def test_version_citation_and_licences_agree():
     document = yaml.load(read("CITATION.cff"), Loader=yaml.BaseLoader)
     validator = jsonschema.Draft7Validator(schema)
     assert [error.message for error in validator.iter_errors(document)] == []
-    del document["authors"]
-    assert not validator.is_valid(document)
     assert [one["name"] for one in PROJECT["project"]["authors"]] == [*AUTHORS]
 
 

@@ -5,12 +5,12 @@ import inspect
 import re
 from collections import defaultdict
 from importlib import import_module
-from pathlib import Path
+
+from places import ROOT
 
 import page_cells
 import reproduce
 
-ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "src" / "reproduce"
 LINK = re.compile(r"\{py:(?:func|meth|class)\}`~?(reproduce\.[\w.]+)`")
 
@@ -121,13 +121,10 @@ def test_public_names_are_imported_from_their_subpackage():
     inner = {m for names in SUBPACKAGES.values() for m in names.values()} - SEPARATE
     for (module, name), paths in USED.items():
         if module in inner and name[0] != "_":
-            other = users(paths, folders(MODULES[module]))
-            outside = [
-                p for p in paths if not p.is_relative_to(SOURCE) and p.suffix == ".py"
-            ]
-            other += [
-                path for path in outside if not path.is_relative_to(ROOT / "tests")
-            ]
+            code = [path for path in paths if path.suffix == ".py"]
+            free = (SOURCE, ROOT / "tests")
+            other = [path for path in code if not any(map(path.is_relative_to, free))]
+            other += users(paths, folders(MODULES[module]))
             assert other == [], (module, name)
 
 

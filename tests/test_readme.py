@@ -2,15 +2,14 @@
 
 import re
 import shlex
-from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from commands import run
+from places import ROOT
 
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.views.cli import main
 
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def blocks(language):
@@ -20,10 +19,6 @@ def blocks(language):
 def lines(text):
     """Return the lines of a text without spaces at their ends."""
     return [line.rstrip() for line in text.splitlines() if line.strip()]
-
-
-def run(arguments, columns="80"):
-    return CliRunner(env={"COLUMNS": columns}).invoke(main, arguments)
 
 
 def test_commands_run_and_show_the_printed_output(tmp_path, monkeypatch):
@@ -49,7 +44,7 @@ def test_links_are_absolute():
 
 
 def test_counts_of_verdicts():
-    (row,) = re.findall(r"^all +(.*)$", run(["check"], "200").output, re.MULTILINE)
+    (row,) = re.findall(r"^all +(.*)$", run("check", 200).output, re.MULTILINE)
     *counts, weak = row.split()
     stated = re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, re.MULTILINE)
     assert stated == list(zip(VERDICTS, counts, strict=True))

@@ -2,10 +2,10 @@
 
 import json
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
+from commands import output_of
 from playwright._impl._driver import compute_driver_executable
 from reading import DESKTOP, HTML, PHONE, SETTLED
 
@@ -24,10 +24,7 @@ def test_only_known_anchors_lead_on():
     (script,) = re.findall("<script>(.*)</script>", GOTO, re.DOTALL)
     code = SCRIPT % (json.dumps(NAMES), script.replace("PLACES", json.dumps(KNOWN)))
     node, _ = compute_driver_executable()
-    done = subprocess.run(
-        [node, "-e", code], capture_output=True, text=True, check=True
-    )
-    assert done.stdout == "niu2024/registration.html#niu2024-table-3\n"
+    assert output_of(node, "-e", code) == "niu2024/registration.html#niu2024-table-3\n"
 
 
 FAR = """name => {

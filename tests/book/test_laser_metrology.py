@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from astropy.table import Table
 from astropy.time import Time
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from photutils.psf import GaussianPRF, PSFPhotometry
 from scipy.spatial.transform import Rotation
 
@@ -54,7 +56,7 @@ def test_angles_are_those_of_scipy(page):
         rotation, _ = Rotation.align_vectors(turned, before)
         expected = rotation.as_rotvec() * ARCSEC_PER_RADIAN
         # Directions of some minutes of arc leave SciPy fewer digits about Z.
-        np.testing.assert_allclose(angles, expected, atol=1e-5)
+        assert_allclose(angles, expected, atol=1e-5)
 
 
 def test_lights_move_as_photutils_measures(page):
@@ -76,7 +78,7 @@ def test_lights_move_as_photutils_measures(page):
         moved, expected = (np.array(one) - one[0] for one in (ours, places))
         assert np.abs(moved).max() > 0.02
         # Weights differ, and the light is no Gaussian: a fifth of the drift at most.
-        np.testing.assert_allclose(moved, expected, atol=0.005)
+        assert_allclose(moved, expected, atol=0.005)
 
 
 def test_noise_of_a_position_is_that_of_simulated_windows(page):
@@ -84,21 +86,19 @@ def test_noise_of_a_position_is_that_of_simulated_windows(page):
         gain, noise = page["gain"], page["noise"]
         mean, generator = (
             page["images"][light].mean(axis=0),
-            np.random.default_rng(light),
+            default_rng(light),
         )
         electrons = generator.poisson(mean * gain, (2000, *mean.shape))
         drawn = electrons / gain + noise * generator.standard_normal(electrons.shape)
         places = page["fit_centres"](light, drawn)
         expected = np.sqrt(page["predicted_variance"](light))
         # The scatter of 2000 is known to 1.6 %, here at four standard errors.
-        np.testing.assert_allclose(places.std(axis=0), expected, rtol=0.065)
+        assert_allclose(places.std(axis=0), expected, rtol=0.065)
 
 
 def test_covariance_of_the_angles_is_that_of_drawn_spots(page):
     platform = page["platform"]
-    draws = np.random.default_rng(4).standard_normal((4000, 3, 2)) * np.sqrt(
-        page["variance"]
-    )
+    draws = default_rng(4).standard_normal((4000, 3, 2)) * np.sqrt(page["variance"])
     angles = (
         platform.misalignment(platform.spots + draws, platform.reference)
         * ARCSEC_PER_RADIAN
@@ -107,12 +107,12 @@ def test_covariance_of_the_angles_is_that_of_drawn_spots(page):
     spread = np.sqrt(np.diag(expected))
     found = np.cov(angles.T) / np.outer(spread, spread)
     # Four standard errors of variances and correlations of 4000.
-    np.testing.assert_allclose(found, expected / np.outer(spread, spread), atol=0.09)
+    assert_allclose(found, expected / np.outer(spread, spread), atol=0.09)
 
 
 def test_gain_and_noise_of_simulated_windows_are_found(page):
     generator, light = (
-        np.random.default_rng(2),
+        default_rng(2),
         np.geomspace(20, 7000, 64).reshape(8, 8),
     )
     drawn = generator.poisson(light * 4.0, (3, 600, 8, 8)) / 4.0
@@ -126,14 +126,10 @@ def test_stars_are_where_their_images_show_them(page):
     images, places = page["star_images"], page["places"]
     y, x = np.mgrid[:8, :8]
     light = images.sum(axis=(-2, -1))
-    np.testing.assert_allclose(light, 1, atol=0.02)
+    assert_allclose(light, 1, atol=0.02)
     down, along = ((images * one).sum(axis=(-2, -1)) / light for one in (y, x))
-    np.testing.assert_allclose(
-        np.diff(down.mean(axis=1)) / np.diff(places), 1, atol=0.3
-    )
-    np.testing.assert_allclose(
-        np.diff(along.mean(axis=0)) / np.diff(places), 1, atol=0.3
-    )
+    moved = np.diff([down.mean(axis=1), along.mean(axis=0)])
+    assert_allclose(moved / np.diff(places), 1, atol=0.3)
     assert np.abs(np.diff(down, axis=1)).max() < 0.05
 
 
@@ -175,7 +171,7 @@ def test_the_correction_is_the_flight_model(page):
     assert len(early) == 28
     assert early.sum() == 16
     expected = drift_model(drifts)[early]
-    np.testing.assert_allclose(drifts.loc[early, CORRECTION], expected, atol=0.025)
+    assert_allclose(drifts.loc[early, CORRECTION], expected, atol=0.025)
 
 
 def test_the_measured_drift_has_the_sign_of_the_model(page):
@@ -188,7 +184,7 @@ def test_the_measured_drift_has_the_sign_of_the_model(page):
     )
     assert right < 0.6 * wrong
     measured, _ = page["predict"](drifts)
-    np.testing.assert_array_equal(measured, (correction + offset)[-len(measured) :])
+    assert_array_equal(measured, (correction + offset)[-len(measured) :])
 
 
 def test_no_year_predicts_itself(page):
@@ -200,9 +196,9 @@ def test_no_year_predicts_itself(page):
     measured, before = page["predict"](true)
     changed, after = page["predict"](other)
     for name in before:
-        np.testing.assert_allclose(after[name], before[name])
+        assert_allclose(after[name], before[name])
     kept = (~last[-len(measured) :]).to_numpy()
-    np.testing.assert_array_equal((changed == measured).all(axis=1), kept)
+    assert_array_equal((changed == measured).all(axis=1), kept)
     assert 0 < kept.sum() < len(kept)
 
 
@@ -214,11 +210,11 @@ def test_a_trend_and_a_temperature_are_predicted(page):
     made[CORRECTION] = drift
     made[OFFSET] = 0.0
     measured, found = page["predict"](made)
-    np.testing.assert_allclose(found["temperature"], measured, atol=1e-8)
+    assert_allclose(found["temperature"], measured, atol=1e-8)
     assert np.abs(found["trend"] - measured).max() > 1
     angle = 2 * np.pi * made["year"].to_numpy()
     made[CORRECTION] = np.outer(years, [-1.5, 0.3]) + np.stack(
         [np.cos(angle), np.sin(2 * angle)], axis=1
     )
     measured, found = page["predict"](made)
-    np.testing.assert_allclose(found["periodic"], measured, atol=1e-8)
+    assert_allclose(found["periodic"], measured, atol=1e-8)

@@ -2,12 +2,13 @@
 
 import json
 import re
-import subprocess
 from html import unescape
 from unittest.mock import Mock
 
 import pytest
+from commands import output_of
 from docutils.core import publish_doctree
+from places import ROOT
 from pyld import jsonld
 from reading import HTML
 
@@ -22,7 +23,6 @@ META = re.compile(r'<meta name="(\w+)" content="([^"]*)" />')
 SCRIPT = re.compile(
     r'<script type="application/ld\+json">\n(.*?)\n</script>', re.DOTALL
 )
-ROOT = HTML.parents[2]
 SCHEMA, BASE = "http://schema.org/", "https://example.org/book/"
 LICENCE = "https://creativecommons.org/licenses/by/4.0/"
 REQUIRED = set(
@@ -110,13 +110,6 @@ def test_a_published_dataset_has_its_address(monkeypatch):
     assert "https://doi.org/10.1234/x" in data["identifier"]
 
 
-def git_hash(path):
-    command = ["git", "hash-object", "--no-filters", path]
-    return subprocess.run(
-        command, check=True, capture_output=True, text=True
-    ).stdout.strip()
-
-
 @pytest.mark.browser
 def test_a_built_page_allows_only_its_own_scripts(open_page):
     """`defects` reports each script that the policy of a page stops, for each page."""
@@ -159,7 +152,9 @@ def test_built_pages_have_a_head_and_describe_every_table():
         titles.append(head["citation_title"])
         # Signposting, whose links and JSON-LD name the page alike.
         links = dict(re.findall(r'<link rel="([\w-]+)" href="([^"]+)" />\n', text))
-        identity = f"swh:1:cnt:{git_hash(ROOT / 'book' / f'{path}.md')}"
+        file = ROOT / "book" / f"{path}.md"
+        digest = output_of("git", "hash-object", "--no-filters", file).strip()
+        identity = f"swh:1:cnt:{digest}"
         assert (links["cite-as"], links["license"]) == (identity, LICENCE)
         assert (HTML / f"{path}.html").parent.joinpath(links["describedby"]).is_file()
         whole, *parts = (json.loads(found) for found in SCRIPT.findall(text))

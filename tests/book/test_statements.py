@@ -1,6 +1,7 @@
 """Statements of pages, letters and register that rest on a number, against that number."""
 
 import numpy as np
+from bench import ARCSEC
 from scipy.stats import chi2
 
 from reproduce.judge.ledger import frozen
@@ -8,8 +9,6 @@ from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views.verdicts import facts_of
-
-ARCSEC = np.pi / 180 / 3600
 
 
 def test_one_pointing_error_agrees_within_the_rounding_of_the_residuals():

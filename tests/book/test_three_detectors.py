@@ -4,6 +4,8 @@ import re
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from photutils.background import Background2D
 from photutils.detection import DAOStarFinder
 from scipy.spatial import KDTree
@@ -37,7 +39,7 @@ def simulated(page, seed, truth):
 
     The stars differ in colour.
     """
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     places = rng.uniform((0, 0), SHAPE, (20_000, 2))
     light = 60 * (1 + rng.pareto(1.2, len(places)).clip(0, 300))
     colour = np.exp(0.3 * rng.standard_normal(len(places)))
@@ -76,8 +78,8 @@ def test_other_software_fits_the_same_transforms(page):
         centred = source - pivot, target - pivot
         fitted = SimilarityTransform.from_estimate(*centred)
         transform = page["registered"][name][2].transform
-        np.testing.assert_allclose(transform.matrix, fitted.params[:2, :2], atol=1e-12)
-        np.testing.assert_allclose(-transform.shift, fitted.translation, atol=1e-9)
+        assert_allclose(transform.matrix, fitted.params[:2, :2], atol=1e-12)
+        assert_allclose(-transform.shift, fitted.translation, atol=1e-9)
         design = np.column_stack([centred[0], np.ones(len(source))])
         _, squares, *_ = np.linalg.lstsq(design, centred[1], rcond=None)
         rms = np.sqrt(squares.sum() / source.size)
@@ -111,7 +113,7 @@ def test_centroids_of_photutils_give_the_same_registration(page):
 
 
 def test_a_wave_is_found(page):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     places, residuals = rng.uniform(0, 720, 4000), 0.05 * rng.standard_normal((4000, 2))
     angle = 2 * np.pi * places / 80
     basis = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -120,7 +122,7 @@ def test_a_wave_is_found(page):
     # One over the number of periods in the field, and its error from noise.
     assert period == pytest.approx(80, abs=1)
     error = 4 * 0.05 * np.sqrt(2 / 4000)
-    np.testing.assert_allclose(np.hypot(*waves.T), [0.01, 0.005], atol=error)
+    assert_allclose(np.hypot(*waves.T), [0.01, 0.005], atol=error)
     fitted = page["wave_at"](places, period, waves)
     # Half a period over the field of nine.
     assert np.abs(fitted - added).max() < error + 0.01 * np.pi * 720 / 80 * abs(
@@ -130,7 +132,7 @@ def test_a_wave_is_found(page):
 
 
 def test_noise_rarely_has_a_wave(page):
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     chances = [
         page["fit_wave"](rng.uniform(0, 720, 300), rng.standard_normal((300, 2)))[2]
         for _ in range(400)

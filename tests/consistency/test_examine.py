@@ -19,18 +19,13 @@ source = "s"
 """
 
 
-def audited(formula, **texts):
-    cells = {
-        f"t#{name}": printed_cell(f"t#{name}", text) for name, text in texts.items()
-    }
-    bound = " ".join(f"{name}=t#{name}" for name in texts)
-    return audited_table("made up", cells, TEXT.format(formula=formula, cells=bound))
-
-
 def outcomes(formula, *numbers):
     """Return the outcome for cells a, b, c with these printed digits, and the rescuing rule."""
-    texts = dict(zip("abcd", numbers, strict=False))
-    (found,) = audited(formula, **texts).findings
+    names = "abcd"[: len(numbers)]
+    pairs = zip(names, numbers, strict=True)
+    cells = {f"t#{name}": printed_cell(f"t#{name}", text) for name, text in pairs}
+    text = TEXT.format(formula=formula, cells=" ".join(f"{n}=t#{n}" for n in names))
+    (found,) = audited_table("made up", cells, text).findings
     return found.outcome, found.rescued_by
 
 

@@ -20,10 +20,10 @@ def finding(audit, name):
     return next(one for one in audit.findings if one.relation.name == name)
 
 
-def printed_cell(address, text, unit="1", qualifier=""):
+def printed_cell(address, text, unit="1"):
     """Return a printed cell from its digits and unit."""
     key, _, name = address.partition("#")
-    number = PrintedNumber(text, unit == "count", qualifier)
+    number = PrintedNumber(text, unit == "count")
     return PrintedCell(key, name, name, number, key, unit, "derived")
 
 

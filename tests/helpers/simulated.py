@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+from numpy.random import default_rng
 
 from reproduce.inference.models import GaussianRegistration, registration_model
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
@@ -22,7 +23,7 @@ def stars(count=60, noise=0.1, seed=1, truth=TRUTH, wrong=0, batch=()):
 
     The other points do not depend on `wrong`.
     """
-    generator = np.random.default_rng(seed)
+    generator = default_rng(seed)
     source = generator.uniform((0, 0), FIELD, (*batch, count, 2))
     target = truth.apply(source) + noise * generator.standard_normal(source.shape)
     target[..., :wrong, :] = generator.uniform((0, 0), FIELD, (*batch, wrong, 2))
@@ -34,9 +35,14 @@ def registered(source, target, kind=GaussianRegistration):
     return registration_model(kind(prepare(source, target, PIVOT)))
 
 
+def table_of(*points):
+    """Return source and target points as a table."""
+    return pd.DataFrame(np.hstack(points), columns=list(STARS))
+
+
 def star_table(count=60, **settings):
     """Return the points of `stars` as a table."""
-    return pd.DataFrame(np.hstack(stars(count, **settings)), columns=list(STARS))
+    return table_of(*stars(count, **settings))
 
 
 def spot_table(noise=0.02, flip=1, drift=(0, 0)):
@@ -45,7 +51,7 @@ def spot_table(noise=0.02, flip=1, drift=(0, 0)):
     The camera rotates by (20, -20, 0) arcsec between the groups, and drifts about X inside a group.
     """
     platform = as_designed(load_inputs(INSTRUMENT))
-    generator, rows = np.random.default_rng(3), []
+    generator, rows = default_rng(3), []
     for group, angles in enumerate(([0, 0, 0], [20, -20, 0])):
         angles = np.outer(np.linspace(-0.5, 0.5, 50), [drift[group], 0, 0]) + angles
         places = platform.predicted(angles / ARCSEC_PER_RADIAN)

@@ -1,7 +1,7 @@
 """Small data of known truth for the models."""
 
-import numpy as np
 import pytest
+from bench import LASERS, SPOTS
 from simulated import registered, stars
 
 from reproduce.physics.attitude import Platform
@@ -14,6 +14,4 @@ def registration():
 
 @pytest.fixture(scope="session")
 def platform():
-    spots = np.array([[544.8, 435.8], [520.7, 459.8], [569.0, 459.9], [544.6, 483.9]])
-    corners = np.array([[0, -1], [-1, 0], [1, 0], [0, 1]])
-    return Platform(corners * 0.011, 2.0, 0.06, 13e-6, np.array([511.5, 511.5]), spots)
+    return Platform(LASERS, 2.0, 0.06, 13e-6, (511.5, 511.5), SPOTS)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from arviz_stats.base import array_stats
 from errors import mcse_mean
+from numpy.random import default_rng
 
 from reproduce.inference import (
     UnconvergedError,
@@ -20,7 +21,7 @@ from reproduce.inference.sampling import move_mixture
 
 def autoregressive(correlation, shape, seed=1):
     """Chains of unit variance, shape (ensembles, steps, walkers), time (1 + r) / (1 - r)."""
-    generator = np.random.default_rng(seed)
+    generator = default_rng(seed)
     noise = generator.normal(size=shape) * np.sqrt(1 - correlation**2)
     chains = np.empty(shape)
     chains[:, 0] = generator.normal(size=(shape[0], shape[2]))
@@ -30,7 +31,7 @@ def autoregressive(correlation, shape, seed=1):
 
 
 def test_split_rhat_agrees_with_arviz():
-    draws = np.random.default_rng(1).standard_t(3, size=(4, 500))
+    draws = default_rng(1).standard_t(3, size=(4, 500))
     for shift in (0.0, 0.3):
         moved = draws + shift * np.arange(4)[:, None]
         expected = float(array_stats.rhat(moved))
@@ -90,7 +91,7 @@ def test_moves_leave_a_curved_density_unchanged():
         sampler = emcee.EnsembleSampler(
             64, 2, banana, vectorize=True, moves=move_mixture()
         )
-        points = np.random.default_rng(seed).normal(size=(64, 2))
+        points = default_rng(seed).normal(size=(64, 2))
         random_state = np.random.RandomState(seed).get_state()
         sampler.run_mcmc(emcee.State(points, random_state=random_state), 3000)
         chains.append(sampler.get_chain(discard=500))

@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy import stats
 from simulated import PIVOT, registered, star_table, stars
 
@@ -28,11 +30,11 @@ def test_three_wrong_matches_in_ten_are_named_and_move_nothing(wrong):
     assert (false[:wrong] > 0.9).all()
     assert (false[wrong:] < 0.1).all()
     right = registered(source[wrong:], target[wrong:])
-    exact = right.exact(40_000, np.random.default_rng(1))[:, :4]
+    exact = right.exact(40_000, default_rng(1))[:, :4]
     draws, spread = found.draws[:, :4], exact.std(axis=0)
     offsets = (draws.mean(axis=0) - exact.mean(axis=0)) / spread
-    np.testing.assert_allclose(offsets, 0, atol=0.05)
-    np.testing.assert_allclose(draws.std(axis=0) / spread, 1, atol=0.05)
+    assert_allclose(offsets, 0, atol=0.05)
+    assert_allclose(draws.std(axis=0) / spread, 1, atol=0.05)
     fraction = stats.beta(wrong + 1, 60 - wrong + 1)  # half of all is far out
     for mean in (found.draws[:, 5].mean(), found.rows[5].mean):
         assert abs(mean - fraction.mean()) < 0.05 * fraction.std()
@@ -42,14 +44,14 @@ def test_three_wrong_matches_in_ten_are_named_and_move_nothing(wrong):
 def test_a_density_is_the_sum_of_both_cases():
     model = mixture(wrong=6, count=20)
     likelihood = model.likelihood
-    rows = model.start(np.random.default_rng(1), 12)
+    rows = model.start(default_rng(1), 12)
     left = (likelihood.target - likelihood.places(rows)) @ [1, 1j]
     noise, fraction = rows[:, 4:5], rows[:, 5:]
     right = (1 - fraction) * stats.norm.pdf(left.real, scale=noise)
     right = right * stats.norm.pdf(left.imag, scale=noise)
     both = right + fraction / likelihood.side**2
-    np.testing.assert_allclose(likelihood(rows), np.log(both).sum(axis=1), rtol=1e-10)
-    np.testing.assert_allclose(likelihood.false(rows), 1 - right / both, atol=1e-10)
+    assert_allclose(likelihood(rows), np.log(both).sum(axis=1), rtol=1e-10)
+    assert_allclose(likelihood.false(rows), 1 - right / both, atol=1e-10)
     # Outside of the square there are no wrong matches.
     far = likelihood.with_target(likelihood.target + 3 * likelihood.side)
     assert (far.false(rows) == 0).all()
@@ -63,7 +65,7 @@ def test_the_start_takes_the_right_stars(wrong):
         agreeing = model.likelihood.agreeing
         assert not agreeing[:wrong].any()
         assert agreeing[wrong:].sum() >= 59 - wrong
-        start = model.start(np.random.default_rng(seed), 4)
+        start = model.start(default_rng(seed), 4)
         assert np.isfinite(model.log_posterior(start)).all()
         # With nearly no noise every star is wrongly matched, the outermost ones too.
         start[:, 4] = 1e-9
@@ -74,7 +76,7 @@ def test_wrong_matches_are_drawn_with_the_fraction_and_positions_of_the_model():
     likelihood = mixture(wrong=18).likelihood
     point, right = likelihood.start()[0], stars()[1]
     point[5] = 0.3
-    generator = np.random.default_rng(2)
+    generator = default_rng(2)
     drawn = np.stack([likelihood.simulate(point, generator).target for _ in range(400)])
     false = np.abs(drawn - right).max(axis=-1) > 2.0
     assert abs(false.mean() - 0.3) < 4 * np.sqrt(0.21 / false.size)
@@ -99,15 +101,13 @@ def test_the_mixture_has_the_noise_model_of_the_registration():
     left = target - likelihood.places(point[None])[0]
     right = stats.norm.pdf(left, scale=sigma[:, None]).prod(axis=1) * (1 - point[-1])
     expected = np.log(right + point[-1] / likelihood.side**2)
-    np.testing.assert_allclose(
-        likelihood.pointwise(point[None])[0], expected, rtol=1e-8
-    )
+    assert_allclose(likelihood.pointwise(point[None])[0], expected, rtol=1e-8)
 
 
 def test_stars_that_only_a_robust_fit_drops_give_a_warning():
     """Of 40 stars 8 are matched wrongly and 4 lie some noises off."""
     source, target = stars(40, 0.2, wrong=8)
-    target[8:12] += np.random.default_rng(3).normal(0, 2.0, (4, 2))
+    target[8:12] += default_rng(3).normal(0, 2.0, (4, 2))
     model = registered(source, target, MixtureRegistration.of)
     dropped = {"dropped_by_robust_fit": ~model.likelihood.agreeing}
     for false, warned in ((8, True), (11, False)):

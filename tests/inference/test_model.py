@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.stats import kstest, norm, truncnorm
 
 import reproduce as rp
@@ -17,20 +19,20 @@ PLAN = Plan(5, ensembles=2, steps=300, warmup=120)
 def test_coordinates_are_one_to_one_with_the_stated_volume():
     model = posteriors()["registration-mixture"].model()
     for seed in range(5):
-        generator = np.random.default_rng(seed)
+        generator = default_rng(seed)
         truth = model.drawn_prior(generator, 1)[0]
         data = model.likelihood.simulate(truth, generator)
         points = replace(model, likelihood=data).start(generator, 6)
         coordinates = model.coordinates(points)
         assert not np.allclose(coordinates[:, 4:], points[:, 4:])
-        np.testing.assert_allclose(model.parameters_at(coordinates), points, rtol=1e-9)
+        assert_allclose(model.parameters_at(coordinates), points, rtol=1e-9)
         steps = 1e-5 * np.eye(6)[:, None]
         ahead, behind = (
             model.parameters_at(coordinates + sign * steps) for sign in (1, -1)
         )
         jacobian = np.moveaxis((ahead - behind) / 2e-5, 0, -1)
         volume = np.linalg.slogdet(jacobian)[1]
-        np.testing.assert_allclose(model.log_volume(points), volume, atol=1e-4)
+        assert_allclose(model.log_volume(points), volume, atol=1e-4)
 
 
 def test_a_normal_prior_of_a_noise_is_truncated_at_zero():
@@ -39,9 +41,9 @@ def test_a_normal_prior_of_a_noise_is_truncated_at_zero():
     model, text = found.model, found.priors["prior"]["noise"]
     assert text.endswith("above zero")
     prior = dict(zip(model.names, model.parameters, strict=True))["noise"].prior
-    draws = prior.draw(np.random.default_rng(1), 1000)
+    draws = prior.draw(default_rng(1), 1000)
     assert kstest(draws, truncnorm(-0.4, np.inf, 0.02, 0.05).cdf).pvalue > 1e-3
-    rows = np.repeat(model.start(np.random.default_rng(1), 1), 3, axis=0)
+    rows = np.repeat(model.start(default_rng(1), 1), 3, axis=0)
     rows[1:, 4:] *= [[-1, 1], [1, -1]]
     assert np.isfinite(model.log_posterior(rows)).tolist() == [True, False, False]
     floor = rp.posterior("averaging-x", priors={"floor": Normal(0, 1, "a test")})
@@ -61,16 +63,16 @@ def test_pointwise_likelihood_consequences_and_summary(name):
     """The pointwise likelihood sums to that of stars; mean spots have a part of it."""
     declared = posteriors()[name]
     model = declared.model()
-    rows = model.start(np.random.default_rng(1), 8)
+    rows = model.start(default_rng(1), 8)
     likelihood = model.likelihood
     each = likelihood.pointwise(rows)
     if "spots" in likelihood.observed:
         scale = np.multiply.outer(rows[:, -1], likelihood.counts**-0.5)
         density = norm(likelihood.predicted(rows)[:, 0], scale[..., None, None])
         law = density.logpdf(likelihood.spots)
-        np.testing.assert_allclose(each, law.sum(axis=-1), rtol=1e-9)
+        assert_allclose(each, law.sum(axis=-1), rtol=1e-9)
     else:
-        np.testing.assert_allclose(each.sum(axis=1), likelihood(rows), rtol=1e-9)
+        assert_allclose(each.sum(axis=1), likelihood(rows), rtol=1e-9)
     found = model.consequences(rows)
     assert np.isfinite([quantity.values for quantity in found.values()]).all()
     if "registration" in name or "misalignment" in name:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from reproduce.inference.modes import two_modes
 from reproduce.views.posterior import book_posterior
@@ -22,14 +23,14 @@ def split(generator, count, fraction):
 def test_draws_with_one_mode_are_not_split():
     """The tail of a log-normal has bumps, of which few contain 3 % of the draws."""
     for name in ONE_MODE:
-        draw = getattr(np.random.default_rng(1), name)
+        draw = getattr(default_rng(1), name)
         alarms = sum(two_modes(draw(size=COUNT)) is not None for _ in range(SAMPLES))
         assert alarms <= 1, name
 
 
 def test_both_modes_and_their_fractions_are_found():
     for fraction in (0.05, 0.16, 0.5):
-        found = two_modes(split(np.random.default_rng(2), 10_000, fraction))
+        found = two_modes(split(default_rng(2), 10_000, fraction))
         assert (found.low, found.high) == pytest.approx((0.24, 0.60), abs=0.03)
         assert found.below == pytest.approx(fraction, abs=0.02)
         assert found.below + found.above == pytest.approx(1)
@@ -37,7 +38,7 @@ def test_both_modes_and_their_fractions_are_found():
 
 def test_close_or_rare_modes_are_not_reported():
     """Two equal Gaussians have a valley from two standard deviations of distance."""
-    generator = np.random.default_rng(3)
+    generator = default_rng(3)
     normal = generator.normal(size=10_000)
     for distance, found in ((2, False), (4, True)):
         values = np.concatenate([normal, distance + generator.normal(size=10_000)])
@@ -51,7 +52,7 @@ def test_close_or_rare_modes_are_not_reported():
 
 def test_a_parameter_with_two_modes_is_named_with_both_in_the_displayed_unit():
     found = book_posterior("misalignment")
-    values = split(np.random.default_rng(2), found.chain[..., 5].size, 0.16)
+    values = split(default_rng(2), found.chain[..., 5].size, 0.16)
     parameter, chain = found.model.parameters[5], found.chain.copy()
     chain[..., 5] = values.reshape(chain.shape[:-1]) / parameter.shown
     modes = replace(found, chain=chain).modes

@@ -2,12 +2,12 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from commands import run
 from matplotlib.figure import Figure
+from places import ROOT
 from simulated import star_table
 
 import reproduce as rp
@@ -19,23 +19,18 @@ from reproduce.printed.inputs import load_inputs
 from reproduce.store import studies
 from reproduce.views import computed
 from reproduce.views import posteriors as pages
-from reproduce.views.cli import main
 from reproduce.views.intervals import draw_intervals
 from reproduce.views.posterior import book_posterior
 
-FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
+FOLDER = ROOT / "book/posteriors"
 PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]
 
 
-def run(*arguments):
-    return CliRunner().invoke(main, ["posterior", *arguments]).output
-
-
 def test_models_are_listed():
-    listed = run("--list")
+    listed = run("posterior --list").output
     pairs = re.findall(r"^ ?(\S+) +(niu2024|chen2023)", listed, re.MULTILINE)
     assert pairs == [(name, declared.paper) for name, declared in posteriors().items()]
-    assert list(json.loads(run("--list", "--json"))) == list(posteriors())
+    assert list(json.loads(run("posterior --list --json").output)) == list(posteriors())
 
 
 def test_a_page_shows_every_posterior_and_one_of_each_model():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from scipy import stats
 
 from reproduce.inference import PosteriorSamples
@@ -21,7 +22,7 @@ def likelihood_of(key):
 def test_a_printed_fit_has_the_variance_of_rounding_and_noise():
     """The two parts add: a third of the squared half unit, and noise times error, squared."""
     likelihood = likelihood_of("camera-blue")
-    exact = likelihood.exact(400_000, np.random.default_rng(5))
+    exact = likelihood.exact(400_000, default_rng(5))
     freedom = 2 * likelihood.points
     noise = (likelihood.residuals**2).mean() * freedom / (freedom - 2)
     errors = np.square(likelihood.errors).mean(axis=0)
@@ -56,7 +57,7 @@ def test_errors_per_noise_are_those_of_repeated_fits(kind):
     instrument = {"simulation": simulation, "camera": experiment}[kind].instrument
     bench, angles = instrument(inputs), simulation.arrangement(inputs)
     green, red, _ = channel_centroids(bench, angles)
-    noise, rng = 0.1, np.random.default_rng(4)
+    noise, rng = 0.1, default_rng(4)
     errors = rng.normal(0, noise / np.sqrt(2), (2, 2000, *green.shape))
     pivot = bench[1].principal_point
     fits = fit_registration(red + errors[0], green + errors[1], pivot)

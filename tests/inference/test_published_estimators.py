@@ -33,18 +33,17 @@ def spots(platform, lever=0.0, **known):
     return held(model, **known)
 
 
-def distorted(model, **known):
-    """The same stars with two distortions."""
-    likelihood = DistortedRegistration(model.likelihood.problem)
-    return held(registration_model(likelihood), **known)
+def distorted(model):
+    """The same stars with two distortions, which are zero."""
+    found = registration_model(DistortedRegistration(model.likelihood.problem))
+    return held(found, source_distortion=0.0, target_distortion=0.0)
 
 
 # Each model with the parameters for which its estimator is meant.
 NO_DRIFT = dict.fromkeys(("drift_x", "drift_y", "drift_z"), 0.0)
-NO_DISTORTION = {"source_distortion": 0.0, "target_distortion": 0.0}
 WELL_SPECIFIED = {
     "registration": lambda r, _: r,
-    "registration-distortion": lambda r, _: distorted(r, **NO_DISTORTION),
+    "registration-distortion": lambda r, _: distorted(r),
     "misalignment": lambda _, p: spots(p),
     "misalignment-drift": lambda _, p: spots(p, 134.0, **NO_DRIFT),
 }

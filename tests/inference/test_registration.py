@@ -1,11 +1,13 @@
 """The registration models: likelihood, closed form, and errors of the stars."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from errors import mcse_deviation, mcse_mean
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy import stats
 from scipy.optimize import minimize
+from simulated import table_of
 
 import reproduce as rp
 from reproduce.inference import Normal
@@ -15,15 +17,14 @@ from reproduce.inference.models import (
     fitted_model,
 )
 from reproduce.physics.registration import MODELS, prepare
-from reproduce.store.points import STARS
 
-GENERATOR = np.random.default_rng(3)
+GENERATOR = default_rng(3)
 SOURCE = GENERATOR.uniform(0, 2000, (30, 2))
 # Half of the stars are twenty times as uncertain as the others.
 SIGMA = np.where(np.arange(30) % 2, 0.1, 2.0)
 NORMAL = GENERATOR.normal(size=(30, 2))
 TARGET = 1.0005 * (SOURCE - 1000) + [1001.2, 999.2] + SIGMA[:, None] * NORMAL
-FRAME = pd.DataFrame(np.hstack([SOURCE, TARGET]), columns=list(STARS))
+FRAME = table_of(SOURCE, TARGET)
 TILTED = np.array([[0.3, 0.1], [0.1, 0.2]])
 EACH = (SIGMA**2)[:, None, None] * np.eye(2)
 CASES = {
@@ -45,7 +46,7 @@ def likelihood(**settings):
 def test_likelihood_agrees_with_all_points(registration):
     """To far better than the log likelihood varies over the start; complex residuals."""
     data = registration.likelihood
-    points = registration.start(np.random.default_rng(2), 64)
+    points = registration.start(default_rng(2), 64)
     k, theta, x, y, noise = points.T[..., None]
     pivot, source, target = (
         one @ [1, 1j] for one in (data.pivot, data.source, data.target)
@@ -53,20 +54,20 @@ def test_likelihood_agrees_with_all_points(registration):
     left = target - k * np.exp(1j * theta) * (source - pivot) - pivot + x + 1j * y
     law = stats.norm(0, noise)
     whole = (law.logpdf(left.real) + law.logpdf(left.imag)).sum(axis=1)
-    np.testing.assert_allclose(data(points), whole, rtol=1e-10, atol=1e-7)
+    assert_allclose(data(points), whole, rtol=1e-10, atol=1e-7)
     assert np.ptp(whole) > 10
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_likelihood_of_stars_with_errors_is_the_normal_density(model):
     """SciPy's density of each star, with the weight over its covariance."""
-    weights = np.random.default_rng(11).uniform(0.5, 2, 30)
+    weights = default_rng(11).uniform(0.5, 2, 30)
     covariance = np.where(np.arange(30)[:, None, None] % 3, EACH, TILTED)
     data = likelihood(model=model, weights=weights, target_covariance=covariance)
     centre, spread = data.start()
-    points = centre + spread * np.random.default_rng(12).normal(size=(4, len(centre)))
+    points = centre + spread * default_rng(12).normal(size=(4, len(centre)))
     whole = data(points)
-    np.testing.assert_allclose(whole, data.pointwise(points).sum(axis=1), rtol=1e-10)
+    assert_allclose(whole, data.pointwise(points).sum(axis=1), rtol=1e-10)
     for point, found in zip(points, whole, strict=True):
         left = TARGET - data.places(point[None])[0]
         each = map(
@@ -82,7 +83,7 @@ def test_errors_of_both_images_give_the_chi_square_of_the_nearest_true_places():
     """The least sum of both images' deviations over the true place of each star, by search."""
     data = likelihood(source_covariance=TILTED, target_covariance=EACH)
     centre, spread = data.start()
-    points = centre + 3 * spread * np.random.default_rng(14).normal(size=(2, 4))
+    points = centre + 3 * spread * default_rng(14).normal(size=(2, 4))
     inverse, squares = np.linalg.inv(TILTED), []
     for point in points:
 
@@ -121,10 +122,10 @@ def test_posterior_and_fit_agree(case):
 def test_emcee_agrees_with_exact_draws(case):
     """Means and standard deviations, within Monte Carlo errors of both."""
     # Noisy stars, for which flat in the scale is not flat in its two parts.
-    source = np.random.default_rng(15).uniform(-1, 1, (8, 2))
-    target = source + 0.2 * np.random.default_rng(16).normal(size=(8, 2))
-    eight = pd.DataFrame(np.hstack([source, target]), columns=list(STARS))
-    data, settings = CASES.get(case, (eight, {"steps": 300}))
+    source = default_rng(15).uniform(-1, 1, (8, 2))
+    target = source + 0.2 * default_rng(16).normal(size=(8, 2))
+    eight = table_of(source, target), {"steps": 300}
+    data, settings = CASES.get(case, eight)
     found = rp.posterior("registration", data, **settings)
     exact = found.exact(100_000, seed=1)
     assert list(exact) == list(found.draws)
@@ -164,19 +165,19 @@ def test_arguments_and_models_that_do_not_fit_are_rejected():
 
 def test_simulated_stars_scatter_as_stated():
     data = likelihood(target_covariance=TILTED, weights=np.full(30, 4.0))
-    point, generator = data.start()[0], np.random.default_rng(1)
+    point, generator = data.start()[0], default_rng(1)
     drawn = np.stack([data.simulate(point, generator).target for _ in range(4000)])
     drawn = drawn - data.places(point[None])
-    np.testing.assert_allclose(np.cov(drawn.reshape(-1, 2).T), TILTED / 4, atol=0.001)
+    assert_allclose(np.cov(drawn.reshape(-1, 2).T), TILTED / 4, atol=0.001)
 
 
 def test_distortions_cancel_or_vanish(registration):
     """Equal ones under the identity, and those of zero in any registration."""
     likelihood = DistortedRegistration(registration.likelihood.problem)
     back = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 3.0, 3.0]]))[0]
-    np.testing.assert_allclose(back, likelihood.source, atol=1e-9)
-    plain = registration.start(np.random.default_rng(2), 16)
+    assert_allclose(back, likelihood.source, atol=1e-9)
+    plain = registration.start(default_rng(2), 16)
     straight = likelihood(np.column_stack([plain, np.zeros((16, 2))]))
-    np.testing.assert_allclose(straight, registration.likelihood(plain), rtol=1e-9)
+    assert_allclose(straight, registration.likelihood(plain), rtol=1e-9)
     bent = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 0.0, 3.0]]))[0]
     assert np.hypot(*(bent - likelihood.source).T).max() == pytest.approx(3.0)

@@ -7,6 +7,7 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 import xarray
+from numpy.testing import assert_allclose, assert_array_equal
 
 from reproduce.inference import UnconvergedError, sampling
 from reproduce.inference.sampling import Plan, sample
@@ -23,7 +24,7 @@ def plain(registration):
 def test_only_the_seed_decides(registration, plain):
     np.random.seed(1)  # noqa: NPY002 - emcee must not use the global state
     again = sample(registration, SINGLE)
-    np.testing.assert_array_equal(again.chain, plain.chain[:1])
+    assert_array_equal(again.chain, plain.chain[:1])
     with pytest.raises(ValueError, match="walkers: "):
         sample(registration, replace(PLAN, walkers=31))
     other = sample(registration, replace(SINGLE, seed=4))
@@ -38,7 +39,7 @@ def test_executors_give_identical_draws(registration, plain):
     ):
         with pool:
             pair = sample(registration, replace(PLAN, ensembles=2), executor=pool)
-        np.testing.assert_array_equal(pair.chain, plain.chain[:2])
+        assert_array_equal(pair.chain, plain.chain[:2])
 
 
 def test_short_chains_are_run_again_with_the_advised_steps(registration, monkeypatch):
@@ -53,7 +54,7 @@ def test_short_chains_are_run_again_with_the_advised_steps(registration, monkeyp
     found = sample(registration, short, longer=True)
     assert found.chain.shape[1] == needed > 60
     whole = sample(registration, replace(short, steps=needed))
-    np.testing.assert_array_equal(found.chain, whole.chain)
+    assert_array_equal(found.chain, whole.chain)
 
 
 def test_saved_groups_are_those_of_arviz(plain, registration, tmp_path):
@@ -71,16 +72,16 @@ def test_saved_groups_are_those_of_arviz(plain, registration, tmp_path):
         assert found.attrs["units"] == parameter.unit
         assert abs(found.values.mean() - row.mean) < 0.1 * row.deviation
     data = registration.likelihood
-    np.testing.assert_array_equal(tree["observed_data"]["target"], data.target)
+    assert_array_equal(tree["observed_data"]["target"], data.target)
     log = tree["log_likelihood"]["target"]
     assert log.dims == ("chain", "draw", "star")
     # The draws are some of those of the posterior, by number.
     draws = tree["posterior"].sel(draw=log["draw"])
     columns = [draws[p.name].values.ravel() / p.shown for p in registration.parameters]
     rows, whole = np.stack(columns, -1), log.sum("star").values.ravel()
-    np.testing.assert_allclose(whole, data(rows), rtol=1e-9)
+    assert_allclose(whole, data(rows), rtol=1e-9)
     lp = tree["sample_stats"]["lp"].sel(draw=log["draw"]).values.ravel()
-    np.testing.assert_allclose(lp, whole + registration.log_prior(rows), rtol=1e-9)
+    assert_allclose(lp, whole + registration.log_prior(rows), rtol=1e-9)
     off = tree["posterior_predictive"]["target"] - data.target
     noise = float(tree["posterior"]["noise"].mean())
     # Variances of residuals and of simulated noise, minus those of four parameters.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from simulated import SHIFT, spot_table, star_table, stars
 
 import reproduce as rp
@@ -58,8 +59,8 @@ def test_priors_follow_the_data_and_not_the_paper():
         model = rp.posterior("registration", scale * star_table()).model
         widths.append([one.prior.high for one in model.parameters[2:]])
         residual = model.likelihood.start()[0][-1]
-        np.testing.assert_allclose(widths[-1][-1], 1e3 * residual)
-    np.testing.assert_allclose(np.array(widths[1]) / widths[0], 10)
+        assert_allclose(widths[-1][-1], 1e3 * residual)
+    assert_allclose(np.array(widths[1]) / widths[0], 10)
 
 
 def test_weights_are_those_of_the_fit():
@@ -72,8 +73,8 @@ def test_weights_are_those_of_the_fit():
         likelihood = found.model.likelihood
         assert len(likelihood.source) == 27
         centre, spread = likelihood.start()
-        np.testing.assert_allclose(centre[:4], fit.parameters, rtol=1e-9)
-        np.testing.assert_allclose(spread[:4], fit.standard_errors, rtol=1e-9)
+        assert_allclose(centre[:4], fit.parameters, rtol=1e-9)
+        assert_allclose(spread[:4], fit.standard_errors, rtol=1e-9)
     assert found.stars()["row"].tolist() == list(range(3, 30))
     for bad in (0.0, -weight):
         with pytest.raises(ValueError, match=r"^weights: "):

@@ -195,8 +195,6 @@ def test_changes_that_are_no_mapping_of_addresses_are_named():
     for view, changes in itertools.product(views, ("x", {5: "1"})):
         with pytest.raises(TypeError, match=r"^changes: "):
             view.rerun(changes)
-    with pytest.raises(CannotChangeError, match=r"^changes: "):
-        rp.figure("chen2023/fig-11").rerun([("x", "1")])
     with pytest.raises(CannotChangeError, match="which has none"):
         rp.table("niu2024/table-1").rerun({"a": "1"})
     for choice in ("x", ["green"]):

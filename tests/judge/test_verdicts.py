@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from scipy import stats
 
 from reproduce.judge.verdicts import (
@@ -15,7 +16,7 @@ NAN, INF = float("nan"), float("inf")
 
 
 def normal(mean, sigma, size=20_000, seed=7):
-    return np.random.default_rng(seed).normal(mean, sigma, size)
+    return default_rng(seed).normal(mean, sigma, size)
 
 
 @pytest.mark.parametrize(
@@ -111,8 +112,8 @@ def test_monte_carlo_errors_are_the_spread_of_repeated_predictions():
 
 def test_cells_are_tested_together_and_not_one_by_one():
     """Two correlated numbers: each is likely, both together are not."""
-    moved = np.random.default_rng(2).normal(40, 1, 4000)
-    noise = np.random.default_rng(3).normal(0, 0.05, (2, 4000))
+    moved = default_rng(2).normal(40, 1, 4000)
+    noise = default_rng(3).normal(0, 0.05, (2, 4000))
     for printed, least, most in (((40.5, 40.5), 0.3, 1.0), ((41.0, 39.0), 0.0, 0.01)):
         intervals = np.array(printed)[:, None] + [-0.05, 0.05]
         probability, error = joint_probability(moved + noise, intervals)

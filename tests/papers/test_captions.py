@@ -1,9 +1,9 @@
 """Tests of the captions of supplementary tables and options."""
 
 import tomllib
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from reproduce.locate import read_toml
 from reproduce.papers.catalogue import catalogue
@@ -18,7 +18,7 @@ from reproduce.papers.declare import (
 )
 from reproduce.papers.texts import ItemText
 
-FOLDER = Path(__file__).parents[2] / "data" / "captions"
+FOLDER = ROOT / "data" / "captions"
 
 
 FILES = [path for path in sorted(FOLDER.glob("*.toml")) if path.stem != "posteriors"]

@@ -1,9 +1,8 @@
 """Declarations: complete, free of circles, blind to their answers."""
 
-from graphlib import CycleError, TopologicalSorter
+from graphlib import TopologicalSorter
 
 import numpy as np
-import pytest
 
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computations, drawing, study
@@ -38,9 +37,6 @@ def test_no_cell_is_an_input_of_itself():
             if computation.makes(cell.name):
                 graph.setdefault(cell.address, set()).update(sources)
     TopologicalSorter(graph).prepare()
-    address, sources = next((a, s) for a, s in graph.items() if s)
-    with pytest.raises(CycleError):
-        TopologicalSorter({**graph, next(iter(sources)): {address}}).prepare()
 
 
 def test_no_cell_is_made_twice():

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy import stats
 
 from reproduce.inference.models.bench import _averaging_moments
@@ -27,7 +29,7 @@ def fact(key, name):
 @pytest.fixture(scope="module")
 def white_and_floor():
     """Draws of both about X, by weighting draws of the prior with the likelihood of Table IV."""
-    generator = np.random.default_rng(1)
+    generator = default_rng(1)
     white = 0.38 * np.exp(0.12 * (2 * generator.random(60_000) - 1)) / ARCSEC_PER_RADIAN
     floor = generator.uniform(0, 0.1, len(white)) / ARCSEC_PER_RADIAN
     likelihood = published.averaging(FRAMES, "x").likelihood
@@ -39,14 +41,14 @@ def white_and_floor():
 
 def test_the_law_of_table_4_is_that_of_simulated_series():
     """White noise and a floor that drifts evenly: mean and covariance of all six scatters."""
-    generator, counts = np.random.default_rng(5), (1, 4, 16, 25, 49, 100)
+    generator, counts = default_rng(5), (1, 4, 16, 25, 49, 100)
     drift = np.linspace(-1, 1, 800)
     series = generator.normal(size=(4000, 800)) + 0.1 * drift / drift.std(ddof=1)
     squares = scatter_of_averages(series, counts) ** 2
     white, floor, pairs, bent = _averaging_moments(800, counts)
-    np.testing.assert_allclose(squares.mean(axis=0), white + 0.1**2 * floor, rtol=0.02)
+    assert_allclose(squares.mean(axis=0), white + 0.1**2 * floor, rtol=0.02)
     covariance = 2 * pairs + 4 * 0.1**2 * bent
-    np.testing.assert_allclose(np.cov(squares.T), covariance, rtol=0.15)
+    assert_allclose(np.cov(squares.T), covariance, rtol=0.15)
 
 
 def test_the_knee_is_that_of_weighted_draws(white_and_floor):
@@ -59,21 +61,21 @@ def test_the_average_of_frames(white_and_floor):
     white, floor = white_and_floor
     expected = np.quantile(np.hypot(white / 10, floor), (0.025, 0.5, 0.975))
     found = camera._averages(FRAMES, "x", np.array([100]))[:, 0]
-    np.testing.assert_allclose(found, expected * ARCSEC_PER_RADIAN, rtol=0.02)
+    assert_allclose(found, expected * ARCSEC_PER_RADIAN, rtol=0.02)
 
 
 def test_the_error_at_the_edge_is_that_of_simulated_fits():
     noise = 0.05 * np.hypot(1, 0.9976)
     green, red, _ = true_centroids(STARS)
     pivot = sensor.posteriors.pivot(STARS)
-    generator = np.random.default_rng(4)
+    generator = default_rng(4)
     noisy = green + noise * generator.normal(size=(20_000, *green.shape))
     transform = fit_registration(red, noisy, pivot).transform
     edge = np.hypot(*(red - pivot).T).argmax()
     errors = np.hypot(*(transform.apply(red)[:, edge] - green[edge]).T)
     expected = np.quantile(errors, charts.LEVELS)
     found = sensor._edge_errors(STARS, np.array([137.0]))[0, :, 0]
-    np.testing.assert_allclose(found, expected, rtol=0.06)
+    assert_allclose(found, expected, rtol=0.06)
 
 
 def test_free_distortions_pay_from_their_number_of_stars_on():

@@ -5,12 +5,12 @@ import os
 import subprocess
 import sys
 from html import unescape
-from pathlib import Path
 
 import pytest
+from commands import words
+from places import ROOT
 
-FOLDER = Path(__file__).parent.parent / "made_up"
-PROJECT = FOLDER.parent.parent
+FOLDER = ROOT / "tests/made_up"
 SCRIPT = """
 import json
 import reproduce as rp
@@ -47,7 +47,7 @@ print(json.dumps({
 def run(*arguments, path=FOLDER):
     return subprocess.run(
         [sys.executable, *arguments],
-        cwd=PROJECT,
+        cwd=ROOT,
         env=os.environ | {"REPRODUCE_PATH": str(path)},
         capture_output=True,
         text=True,
@@ -74,7 +74,7 @@ def test_the_paper_stands_behind_the_others(found):
 def test_its_tables_are_judged_shown_and_rerun(found):
     assert found["verdicts"] == {"angle.near": "exact", "angle.far": "differs"}
     assert found["check"] is True
-    assert "Erratum lamp2025-far-angle" in " ".join(found["shown"].split())
+    assert "Erratum lamp2025-far-angle" in words(found["shown"])
     assert 'id="lamp2025-table-2"' in found["page"]
     assert found["changed"]["angle.far"] == pytest.approx(
         5e-6 / 0.15 * 206264.806, rel=1e-6
@@ -95,8 +95,8 @@ def test_its_erratum_citation_and_study_are_found(found):
 
 def test_a_reply_of_its_authors_stands_beside_the_verdict_and_the_erratum(found):
     reply = "N. Nobody, 2026-11-24: the far lens was another one."
-    assert reply in " ".join(found["shown"].split())
-    assert reply in " ".join(found["audit"].split())
+    assert reply in words(found["shown"])
+    assert reply in words(found["audit"])
     assert f"The authors' reply: {reply}" in unescape(found["page"])
     assert "none yet" not in found["page"]
 

@@ -41,30 +41,6 @@ def test_an_error_leaves_the_old_file(tmp_path, error):
     assert list(tmp_path.iterdir()) == [old]
 
 
-# Each writes a file of the user, whose name is {}.
-WRITERS = {
-    "text": "write_text({}, 'x' * 10**6)",
-    "draws.csv": "fit.save({})",
-    "draws.nc": "fit.save({})",
-    "figure.svg": "rp.figure('niu2024/fig-4').save({})",
-    "figure.png": "rp.figure('niu2024/fig-4').save({})",
-}
-SETUP = """
-import numpy as np
-from numpy.random import default_rng
-import reproduce as rp
-from reproduce.store.files import write_text
-made = default_rng(1)
-if {what!r}.startswith("draws"):
-    a = made.uniform(0, 500, (20, 2))
-    table = np.hstack([a, a + made.normal(3, 0.1, (20, 2))])
-    import pandas as pd
-    data = pd.DataFrame(table, columns=["x", "y", "x_reference", "y_reference"])
-    fit = rp.posterior("registration", data=data, steps=300)
-    fit.sample()
-"""
-
-
 def test_a_target_is_checked(tmp_path):
     assert check_target(str(tmp_path / "a.CSV"), (".csv",)) == tmp_path / "a.CSV"
     (tmp_path / "folder.csv").mkdir()

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 import calibrations as stored
 from calibrations import (
@@ -31,7 +33,7 @@ RECOMPUTED = (1, 2, 7)
 
 def uniform(count, seed=1):
     """Return a calibration with uniform ranks of three quantities."""
-    ranks = np.random.default_rng(seed).integers(0, DRAWS + 1, (count, 3))
+    ranks = default_rng(seed).integers(0, DRAWS + 1, (count, 3))
     covered = np.zeros((count, len(LEVELS), 2), np.int8)
     return Ranks(("a", "b", "c"), ranks, np.zeros(count, bool), covered)
 
@@ -57,12 +59,12 @@ def test_uniform_ranks_have_uniform_probabilities_and_exact_coverage():
     ranks = np.repeat(np.arange(DRAWS + 1)[:, None], 3, axis=1)
     every = replace(uniform(100), ranks=ranks)
     for level in LEVELS:
-        np.testing.assert_allclose(every.coverage(level), level, atol=1e-12)
+        assert_allclose(every.coverage(level), level, atol=1e-12)
 
 
 def test_power_is_the_fraction_of_calibrations_that_find_a_wrong_width():
     """Compared with ranks of single draws of a posterior that is too narrow."""
-    generator, found = np.random.default_rng(3), 0.0
+    generator, found = default_rng(3), 0.0
     for _ in range(60):
         truths = generator.normal(size=(200, 3, 1))
         draws = generator.normal(size=(200, 3, DRAWS))
@@ -94,19 +96,19 @@ def test_stored_calibrations_are_those_of_the_present_models(name):
     assert f"{stored.COMMAND} {name} " in str(note["command"])
     # Data, priors, likelihood and simulation.
     again = stored.log_posteriors(name, arrays["points"], stored.SEED)
-    np.testing.assert_allclose(again, arrays["log_posterior"], rtol=1e-9)
+    assert_allclose(again, arrays["log_posterior"], rtol=1e-9)
 
     def agrees(index):
         ranks, failed, covered = replicate(model, stored.SEED, index)
         assert failed == found.failed[index]
-        np.testing.assert_array_equal(covered, found.covered[index])
+        assert_array_equal(covered, found.covered[index])
         return np.abs(ranks - found.ranks[index]).max() <= 2
 
     first, *others = RECOMPUTED
     assert agrees(first) or all(map(agrees, others))
     # The coverage does not need the chains.
     again = intervals(model, stored.SEED, 2)
-    np.testing.assert_array_equal(again, found.covered[:2])
+    assert_array_equal(again, found.covered[:2])
 
 
 def test_every_model_has_separate_random_numbers():

@@ -1,9 +1,9 @@
 """The archive of the notebooks: its files and its instructions."""
 
-from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from places import ROOT
 
 from pack_book import ARCHIVE, INSTALL, LOCK, OPEN, pack, readme
 
@@ -28,7 +28,7 @@ def test_the_archive_has_wheel_lock_and_notebooks_and_is_equal_each_time(tmp_pat
 
 
 def test_archive_and_page_give_the_tested_commands():
-    page = (Path(__file__).parents[2] / "book/run.md").read_text(encoding="utf-8")
+    page = (ROOT / "book/run.md").read_text(encoding="utf-8")
     assert all(f"    {line}\n" in readme() for line in INSTALL)
     assert "\n".join((*INSTALL, OPEN)) in page
     assert f'href="{ARCHIVE}"' in page

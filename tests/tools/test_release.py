@@ -19,6 +19,7 @@ import requests
 import rocrate
 import yaml
 from packaging.metadata import Metadata
+from places import ROOT
 from rocrate_validator import services
 from rocrate_validator.utils.http import HttpRequester
 
@@ -28,7 +29,6 @@ from reproduce.judge.ledger import frozen
 from reproduce.version import __version__, version
 from reproduce.views.citations import cite
 
-ROOT = Path(__file__).parents[2]
 CONTEXTS = ROOT / "tests" / "data"
 SITE = {f"page-{letter}.html": f"<p>{letter}" for letter in "sphinxmyrtu"}
 SITE |= {"index.html": "<p>Hello", "niu2024/own.html": "<p>Stars", "ledger.json": "{}"}

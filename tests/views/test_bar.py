@@ -2,7 +2,6 @@
 
 import re
 
-import pandas as pd
 import pytest
 from bs4 import BeautifulSoup
 
@@ -66,8 +65,7 @@ def test_figures_have_caption_citation_and_files(tmp_path, monkeypatch):
         paths = [tmp_path / path for path in files]
         assert "".join(path.suffix for path in paths) == endings
         assert all(path.stat().st_size > 0 for path in paths)
-    table = tmp_path / "figures" / "niu2024-fig-2.csv"
-    assert list(pd.read_csv(table, comment="#")) == ["panel", "curve", "x", "y"]
-    cited, paper = rp.cite("niu2024/fig-2", "text").splitlines()
-    assert f"# citation: {cited}" in table.read_text(encoding="utf-8")
-    assert paper in table.with_suffix(".svg").read_text(encoding="utf-8")
+    schematic, table = (tmp_path / path for path in rp.figure("niu2024/fig-2").files)
+    assert table.read_text("utf-8") == rp.figure("niu2024/fig-2").export("csv")
+    paper = rp.cite("niu2024/fig-2", "text").splitlines()[1]
+    assert paper in schematic.read_text("utf-8")

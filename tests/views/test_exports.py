@@ -5,7 +5,6 @@ import json
 import re
 import runpy
 import shutil
-import subprocess
 import time
 from pathlib import Path
 
@@ -13,7 +12,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import rispy
+from commands import output_of
+from numpy.testing import assert_allclose
 from PIL import Image
+from places import ROOT
 from pybtex.database import parse_string
 
 import reproduce as rp
@@ -30,7 +32,6 @@ from reproduce.views.computed import whole_ledger
 from reproduce.views.export import FORMATS
 from reproduce.views.verify import verify
 
-ROOT = Path(__file__).parents[2]
 KEY, STUDY = "chen2023/table-5", "chen2023/heat"
 CELLS = (
     "niu2024/table-3#scale.red",
@@ -80,7 +81,7 @@ def test_json_has_all_values_and_csv_has_the_layout_of_the_paper():
         assert list(lines.loc[name].to_numpy().ravel()) == texts
     found = pd.to_numeric(lines.loc["recomputed"].to_numpy().ravel())
     numbers = [r.computed if r.function else np.nan for r in records]
-    np.testing.assert_allclose(found, numbers, atol=0.005)
+    assert_allclose(found, numbers, atol=0.005)
 
 
 def test_markdown_has_the_layout_of_the_table():
@@ -230,18 +231,15 @@ def test_bibtex_needs_no_sign_that_latex_does_not_know():
 
 
 def test_identifiers_are_the_hashes_of_git():
-    def git(*words):
-        command = ["git", "-C", ROOT, *words]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        return done.stdout.strip()
+    def identifier(path):
+        return f"swh:1:cnt:{output_of('git', 'hash-object', path).strip()}"
 
     found = identifiers(CELLS[0])
-    data = git("hash-object", "data/printed/niu2024/table-3.toml")
-    assert found["data"] == f"swh:1:cnt:{data}"
+    assert found["data"] == identifier(ROOT / "data/printed/niu2024/table-3.toml")
     file, _, line = record_of(CELLS[0]).line.rpartition(":")
     content, _, lines = found["function"].partition(";lines=")
     (path,) = (ROOT / "src").rglob(Path(file).name)
-    assert content == f"swh:1:cnt:{git('hash-object', path)}"
+    assert content == identifier(path)
     first, last = map(int, lines.split("-"))
     assert first <= int(line) < last
     assert path.read_text("utf-8").splitlines()[first - 1].startswith("@reproduces")
@@ -278,7 +276,7 @@ def test_figures_are_drawn_equal_and_mark_every_printed_value(tmp_path):
     records = [r for r in whole_ledger().of("chen2023/table-4") if r.unit == "arcsec"]
     found = np.sort(np.concatenate([line.get_ydata() for line in marked]))
     ratios = sorted(float(r.printed) / r.computed for r in records)
-    np.testing.assert_allclose(found, ratios)
+    assert_allclose(found, ratios)
 
 
 def test_the_commit_of_an_unchanged_checkout_is_named(tmp_path):
@@ -286,9 +284,7 @@ def test_the_commit_of_an_unchanged_checkout_is_named(tmp_path):
 
     def git(*words):
         user = ("-c", "user.name=A", "-c", "user.email=a@example.org")
-        command = ["git", *user, *words]
-        done = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
-        return done.stdout.decode().strip()
+        return output_of("git", *user, *words, cwd=tmp_path).strip()
 
     commit = version.commit.__wrapped__
     file = tmp_path / "file"

@@ -2,14 +2,13 @@
 
 import json
 import re
-import subprocess
 import sys
 
 import numpy as np
 import pytest
 import rdflib
 import yaml
-from click.testing import CliRunner
+from commands import output_of, run
 from jinja2 import UndefinedError
 
 import reproduce as rp
@@ -23,7 +22,6 @@ from reproduce.printed.inputs import load_inputs
 from reproduce.views import reports
 from reproduce.views.blocks import written
 from reproduce.views.citations import cite
-from reproduce.views.cli import main
 from reproduce.views.export import table_files
 
 NP = rdflib.Namespace("http://www.nanopub.org/nschema#")
@@ -39,12 +37,10 @@ def of_paper(paper):
     }
 
 
-@pytest.mark.parametrize("paper", PAPERS)
 def test_codecheck_has_the_parts_of_its_specification_that_are_ours(paper):
     """Rules CC-CFG-001 to 007, 014 to 019, 021 to 023, 027 and 028 of rules-2.0.yml."""
     text = reports.report(paper, "codecheck")["codecheck.yml"]
-    command = ["export", paper, "--format", "codecheck"]
-    assert text.strip() in CliRunner().invoke(main, command).output
+    assert text.strip() in run(f"export {paper} --format codecheck").output
     assert text.startswith("---\n")
     found = yaml.safe_load(text)
     assert found["version"] == "https://codecheck.org.uk/spec/config/2.0"
@@ -58,7 +54,6 @@ def test_codecheck_has_the_parts_of_its_specification_that_are_ours(paper):
     assert not re.search("FIXME|TODO|XXXX", text)
 
 
-@pytest.mark.parametrize("paper", PAPERS)
 def test_rescience_has_the_fields_of_its_template_and_every_open_number(paper):
     files = reports.report(paper, "rescience")
     found = yaml.safe_load(files["metadata.yaml"])
@@ -79,7 +74,6 @@ def test_rescience_has_the_fields_of_its_template_and_every_open_number(paper):
 
 
 @pytest.mark.filterwarnings("ignore:(Dataset|Conj).*deprecated:DeprecationWarning")
-@pytest.mark.parametrize("paper", PAPERS)
 def test_each_judged_table_is_a_nanopublication(paper):
     graph = rdflib.Dataset(default_union=True)
     text = reports.report(paper, "nanopublications")["nanopublications.trig"]
@@ -127,7 +121,6 @@ def test_an_outcome_never_says_more_than_the_verdicts(words, flags, outcome):
     assert reports.outcome(records) == outcome
 
 
-@pytest.mark.parametrize("paper", PAPERS)
 def test_decisions_are_the_options_of_the_computations(paper):
     found = yaml.safe_load(reports.report(paper, "decisions")["astra.yaml"])
     expected = {}
@@ -205,7 +198,6 @@ print(sum(Nanopub(rdf=part, conf=NanopubConf()).is_valid for part in parts.value
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("paper", PAPERS)
 def test_validators_of_the_registers_accept_the_reports(paper, tmp_path):
     """The validators are not in the lock, since their packages exclude others."""
     files = []
@@ -223,12 +215,6 @@ def test_validators_of_the_registers_accept_the_reports(paper, tmp_path):
         "--isolated",
         *packages,
     )
-    done = subprocess.run(
-        [*command, "python", "-c", VALIDATORS, *files],
-        cwd=tmp_path,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
+    valid = output_of(*command, "python", "-c", VALIDATORS, *files, cwd=tmp_path)
     judged = [results for results in of_paper(paper).values() if results]
-    assert int(done.stdout) == len(judged)
+    assert int(valid) == len(judged)

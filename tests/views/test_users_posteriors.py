@@ -9,8 +9,17 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray
-from click.testing import CliRunner
-from simulated import PIVOT, SHIFT, TRUTH, registered, spot_table, star_table, stars
+from commands import run, words
+from simulated import (
+    PIVOT,
+    SHIFT,
+    TRUTH,
+    registered,
+    spot_table,
+    star_table,
+    stars,
+    table_of,
+)
 
 import reproduce as rp
 from reproduce.inference import (
@@ -22,8 +31,6 @@ from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.printed.inputs import load_inputs
-from reproduce.store.points import STARS
-from reproduce.views.cli import main
 
 MIXTURE = "registration-mixture"
 
@@ -53,13 +60,9 @@ def spots(tmp_path):
     return write
 
 
-def run(*arguments):
-    return CliRunner().invoke(main, ["posterior", *map(str, arguments)])
-
-
 def sampled(name, path, *arguments):
     """Return the JSON of a run, and its parameters by name."""
-    result = run(name, "--data", path, "--json", *arguments)
+    result = run(["posterior", name, "--data", path, "--json", *arguments])
     assert result.exit_code == 0, result.output
     record = json.loads(result.stdout)
     return record, {row["name"]: row for row in record["parameters"]}
@@ -167,7 +170,7 @@ def test_the_mixture_needs_digits_that_resolve_the_noise(stored):
 def test_the_mixture_counts_the_used_stars_and_accepts_the_advised_model():
     source, target = stars(wrong=6, noise=0.05)
     target[:, 0] += 1e-3 * source[:, 0]
-    frame = pd.DataFrame(np.hstack([source, target]), columns=list(STARS))
+    frame = table_of(source, target)
     with pytest.raises(ValueError, match=r"^data: .*10 or more stars, got 9"):
         rp.posterior(MIXTURE, frame, weights=np.arange(60) > 50)
     (advice,) = rp.posterior(MIXTURE, frame).remarks
@@ -219,7 +222,8 @@ def test_wrong_data_and_options_are_reported_in_one_line(stored, spots):
         name = case.get("name", "registration")
         if "spots" in case:
             path, name = spots(*case["spots"]), "misalignment"
-        result = run(name, "--data", path, *case.get("options", ()), "--json")
+        options = case.get("options", ())
+        result = run(["posterior", name, "--data", path, *options, "--json"])
         assert result.exit_code == 2, named
         last = result.stderr.strip().splitlines()[-1]
         assert last.startswith("Error: ")
@@ -230,7 +234,7 @@ def test_wrong_data_and_options_are_reported_in_one_line(stored, spots):
 
 def test_unconverged_chains_give_the_required_number_of_steps(stored):
     path = stored()
-    result = run("registration", "--data", path, "--steps", 60, "--json")
+    result = run(["posterior", "registration", "--data", path, "--steps", 60, "--json"])
     assert result.exit_code == 1
     record = json.loads(result.stdout)
     assert len(record["error"]) < 300
@@ -248,7 +252,7 @@ def test_one_wrong_match_is_a_misfit(stored):
     (check,) = (c for c in plain.record()["checks"] if c["name"] == furthest)
     assert check["observed"] > check["high"]
     assert check["tail"] < 0.002
-    for shown in (plain._repr_html_(), " ".join(repr(plain).split())):
+    for shown in (plain._repr_html_(), words(repr(plain))):
         assert f"Warning: {misfit}." in shown
     with pytest.raises(ValueError, match=MIXTURE):
         plain.stars()
@@ -269,7 +273,7 @@ def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_p
     assert noise["mean"] == pytest.approx(0.05, rel=0.5)
     text = "8 of 40 stars are probably matched wrongly: row 0, 1, 2, 3, 4, 5, 6, 7"
     assert found.false_stars == text
-    for shown in (" ".join(repr(found).split()), found._repr_html_()):
+    for shown in (words(repr(found)), found._repr_html_()):
         assert f"{text}." in shown
     frame = found.stars()
     assert frame["row"].tolist() == list(range(40))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bench import ARCSEC, LASERS, SPOTS, TRACKER
 
 import reproduce as rp
 from reproduce.papers.chen2023 import attitude
@@ -15,11 +16,6 @@ from reproduce.physics.attitude import (
 )
 from reproduce.printed.inputs import load_inputs
 
-ARCSEC = np.pi / 180 / 3600
-SPOTS = np.array(
-    [[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]]
-)
-
 
 def test_the_orders_of_the_product_are_those_of_simulated_transforms():
     """Whole solutions of Wahba's problem, multiplied either way, for both principal points."""
@@ -31,13 +27,12 @@ def test_the_orders_of_the_product_are_those_of_simulated_transforms():
         * np.random.default_rng(6).normal(size=(6000, 4, 2))
         * scatter(load_inputs(["chen2023/table-3"]), 1)
     )
-    designed = np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3
-    camera = emitted_directions(designed, 2.0)
+    camera = emitted_directions(LASERS, 2.0)
     rows = iter(study.to_numpy())
-    for point in ((511.5, 511.5), SPOTS.mean(axis=0)):
-        tracker = (point, 13e-6, 60e-3)
-        reference = laser_transform(camera, received_directions(SPOTS, *tracker))
-        found = laser_transform(camera, received_directions(SPOTS + noise, *tracker))
+    for point in (TRACKER["principal_point"], SPOTS.mean(axis=0)):
+        tracker = TRACKER | {"principal_point": point}
+        reference = laser_transform(camera, received_directions(SPOTS, **tracker))
+        found = laser_transform(camera, received_directions(SPOTS + noise, **tracker))
         for error in (
             misalignment_between(found, reference),
             found @ reference.mT,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bench import ARCSEC
 
 import reproduce as rp
 from reproduce.judge.readings import evaluate
@@ -9,8 +10,6 @@ from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import scatter
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
-
-ARCSEC = np.pi / 180 / 3600
 
 
 def test_the_zero_state_is_shared_by_all_monitored_angles():
@@ -23,16 +22,10 @@ def test_the_zero_state_is_shared_by_all_monitored_angles():
     assert one.std() == pytest.approx(expected, rel=0.05)
 
 
-def result(computation, name, replicates=None, **choices):
-    """Return the result of a cell under one reading."""
-    return computation.with_options(choices)(
-        load_inputs(computation.inputs), replicates
-    )[name]
-
-
 def test_a_monitored_angle_goes_with_the_motion_that_the_reading_gives_it():
     def drawn(**choices):
-        return result(effectiveness.monitored_angle, "3.monitoring-y", 400, **choices)
+        made = effectiveness.monitored_angle.with_options(choices)
+        return made(load_inputs(made.inputs), 400)["3.monitoring-y"]
 
     length = 79.91e-6 / np.tan(8.017 * ARCSEC)
     spread = drawn().std()

@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from bench import ARCSEC, LASERS, TRACKER
+from bench import SPOTS as PRINTED
 from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import chi2
 
 from reproduce.papers.chen2023 import accuracy, platform_twin
@@ -24,20 +27,14 @@ from reproduce.physics.attitude import (
 )
 from reproduce.printed.inputs import load_inputs
 
-ARCSEC = np.pi / 180 / 3600
 INPUTS = load_inputs(platform_twin.INPUTS)
-PRINTED = np.array(
-    [[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]]
-)
 
 
 def full_solution(spots):
     """Solve the misalignment with QUEST, nothing linearised."""
-    tracker = ((511.5, 511.5), 13e-6, 60e-3)
-    designed = np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3
-    camera = emitted_directions(designed, 2.0)
-    zero = laser_transform(camera, received_directions(PRINTED, *tracker))
-    turned = misalignment(camera, received_directions(spots, *tracker), zero)
+    camera = emitted_directions(LASERS, 2.0)
+    zero = laser_transform(camera, received_directions(PRINTED, **TRACKER))
+    turned = misalignment(camera, received_directions(spots, **TRACKER), zero)
     return misalignment_angles(turned)[..., :2]
 
 
@@ -50,10 +47,8 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
     )
     design = as_designed(INPUTS)
     response = design.response(design.spots)[:2].reshape(2, 8).T
-    np.testing.assert_allclose(
-        response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max()
-    )
-    np.testing.assert_array_equal(design.principal_point, [511.5, 511.5])
+    assert_allclose(response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max())
+    assert_array_equal(design.principal_point, [511.5, 511.5])
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +97,7 @@ def test_the_ride_follows_the_reference_one_average_later(stage_test):
         assert np.abs(away).max() < 0.25 * ARCSEC
     # The last state by hand: 79.88 um along X turns about Y, 79.91 um along Y about X, at 2 m.
     by_hand = -np.arctan2([79.91e-6, 79.88e-6], 2.0)
-    np.testing.assert_allclose(reference[-1], by_hand, rtol=1e-9)
+    assert_allclose(reference[-1], by_hand, rtol=1e-9)
     just_moved = monitored[each + 10] - reference[each + 10]
     assert (np.abs(just_moved) > 1.5 * ARCSEC).all(), "an average lags behind a jump"
 
@@ -120,10 +115,10 @@ def test_the_spots_have_the_printed_means_and_scatters(replicates):
     spots = np.stack([spots for spots, _ in replicates])
     printed = INPUTS.array(SPOTS).reshape(-1, 2)
     tolerance = 5 * 0.017 / np.sqrt(60 * 1600)
-    np.testing.assert_allclose(spots.mean(axis=(0, 1, 2)), printed, atol=tolerance)
+    assert_allclose(spots.mean(axis=(0, 1, 2)), printed, atol=tolerance)
     variances = spots.var(axis=2).mean(axis=(0, -1))
     expected = [(scatter(INPUTS, group) ** 2).mean(axis=-1) for group in (1, 2)]
-    np.testing.assert_allclose(variances, expected, rtol=5 / np.sqrt(60 * 800))
+    assert_allclose(variances, expected, rtol=5 / np.sqrt(60 * 800))
 
 
 def test_a_rotation_is_measured_about_its_axis_with_its_sign_and_size(platform):
@@ -140,7 +135,7 @@ def test_a_rotation_is_measured_about_its_axis_with_its_sign_and_size(platform):
         seen = platform.design.seen(platform.rotated(rotation))
         moved = misalignment(platform.design.directions, seen, zero)
         angles = misalignment_angles(moved)
-        np.testing.assert_allclose(angles, rotation, atol=rounding)
+        assert_allclose(angles, rotation, atol=rounding)
 
 
 def test_the_spots_fit_the_lasers_within_the_rounding_of_lengths():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bench import ARCSEC
 
 import reproduce as rp
 from reproduce.papers.chen2023 import positioning
@@ -14,7 +15,6 @@ from reproduce.physics.ground import (
 )
 from reproduce.printed.inputs import load_inputs
 
-ARCSEC = np.pi / 180 / 3600
 DRAWS = 20_000
 INPUTS = load_inputs(positioning.INPUTS)
 TERMS = positioning._terms(INPUTS)

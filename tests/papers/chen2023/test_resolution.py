@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bench import ARCSEC
 
 from reproduce.papers.chen2023 import resolution
 from reproduce.physics.images import (
@@ -14,7 +15,6 @@ from reproduce.printed.inputs import load_inputs
 
 INPUTS = load_inputs(resolution.INPUTS)
 WIDTHS = resolution._WIDTHS
-ARCSEC = np.pi / 180 / 3600
 PHASES = np.linspace(-0.49, 0.49, 50)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import reproduce as rp
 from reproduce.consistency.report import audit_paper
@@ -17,17 +18,17 @@ from reproduce.printed.inputs import load_inputs
 from reproduce.views.figure import Figure
 
 INPUTS = load_inputs([*experiment.rmse_before.inputs, *experiment.INSTRUMENT])
-PRINTED = {"red": (1.4027, 1.3986), "blue": (1.3584, 1.3416)}
+BEFORE_RED = (1.4027, 1.3986)
 RESIDUAL = {"red": (0.2135, 0.2089), "blue": (0.2146, 0.2097)}
 
 
-def by_hand(scale, rotation, shift, half=(8.0, 6.0)):
+def by_hand(scale, rotation, shift):
     """Mean squared difference over a uniform field: shift, scale and rotation, and no distortion.
 
     A table angle of a about one axis is a slope of tan(a); the mean square of tan over (-h, h)
     is tan(h)/h - 1. The slope along y is the tangent divided by a cosine that averages to 1.
     """
-    half = np.radians(half)
+    half = np.radians([8.0, 6.0])
     spread = (np.tan(half) / half - 1) * (25.0237e-3 / 3.45e-6) ** 2
     x = shift[0] ** 2 + (1 / scale - 1) ** 2 * spread[0] + rotation**2 * spread[1]
     y = shift[1] ** 2 + (1 / scale - 1) ** 2 * spread[1] + rotation**2 * spread[0]
@@ -52,8 +53,8 @@ def test_the_errors_add_up_to_the_printed_residuals():
     """Green has half of the mean squared residual; red and blue have the remainders."""
     green, *others = np.square(experiment._centroid_errors(INPUTS)[:, 0])
     squares = np.square(list(RESIDUAL.values()))
-    np.testing.assert_allclose(green, squares.mean(axis=0) / 2, rtol=1e-12)
-    np.testing.assert_allclose(green + others, squares, rtol=1e-12)
+    assert_allclose(green, squares.mean(axis=0) / 2, rtol=1e-12)
+    assert_allclose(green + others, squares, rtol=1e-12)
     with pytest.raises(ValueError, match="rmse-after"):
         experiment._centroid_errors(
             INPUTS.changed({"niu2024/text-experiment#rmse-after-red-x": 0.5})
@@ -66,7 +67,7 @@ def test_red_is_laid_over_green_by_the_printed_similarity():
     green, red, _ = experiment._registered_points(INPUTS, angles)
     shift, turn = -0.9178 + 0.9364j, np.exp(1j * np.radians(0.0219))
     laid = 0.9996 * turn * (red @ [1, 1j] - shift) + shift - shift
-    np.testing.assert_allclose(laid, green @ [1, 1j], atol=1e-9)
+    assert_allclose(laid, green @ [1, 1j], atol=1e-9)
 
 
 def field(across):
@@ -79,7 +80,7 @@ def field(across):
 
 def test_only_positions_in_corners_bring_red_to_the_printed_values():
     """For the printed scale, and for the end of its rounding interval."""
-    needed = np.square(PRINTED["red"]).sum() - np.square(RESIDUAL["red"]).sum()
+    needed = np.square(BEFORE_RED).sum() - np.square(RESIDUAL["red"]).sum()
     positions = field(41)
     for scale, most in ((0.9996, 0.0), (0.99955, 0.01)):
         changed = INPUTS.changed({"niu2024/table-4#scale.red": scale})
@@ -182,7 +183,7 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
         ).standard_errors
         found = fit.parameters[:, place - 1]
         tolerance = 5 / np.sqrt(2 * replicates)
-        np.testing.assert_allclose(found.std(axis=0), bound, rtol=tolerance)
+        assert_allclose(found.std(axis=0), bound, rtol=tolerance)
         # Distortion, and the scatter of the mean.
         misses = (found.mean(axis=0) - implied.parameters) / bound
         assert np.abs(misses).max() < 0.5

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import fusion
 from reproduce.papers.declare import study
@@ -45,7 +46,7 @@ def test_light_of_the_tabulated_stars_by_hand():
     by_hand = flux * np.pi / 4 * 12.5e-3**2 * 0.8 * 0.1
     assert photons(0.03, "Vega")[1] == pytest.approx(by_hand, rel=0.02)
     faint, bright = photons(5.0, "Vega"), photons(2.5, "Vega")
-    np.testing.assert_allclose(bright / faint, 10.0)
+    assert_allclose(bright / faint, 10.0)
 
 
 def test_green_alone_reaches_the_cramer_rao_bound(stored):
@@ -62,9 +63,7 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
             expected = np.sqrt(bound.sum(axis=-1).mean())
             # 480 trials of two axes: 2.3 % by chance; rounding and few photons add some.
             found = stored["error"][i, :, j, 0]
-            np.testing.assert_allclose(
-                found, expected, rtol=0.12, err_msg=f"{star}, {magnitude}"
-            )
+            assert_allclose(found, expected, rtol=0.12, err_msg=f"{star}, {magnitude}")
 
 
 def test_without_registration_the_centre_lies_between_the_spots(stored):
@@ -76,7 +75,7 @@ def test_without_registration_the_centre_lies_between_the_spots(stored):
             positions = spots(place)
             expected = np.hypot(*(flux @ positions / flux.sum() - positions[0]))
             found = stored["bias"][i, j, :, 1]
-            np.testing.assert_allclose(found, expected, rtol=0.12)
+            assert_allclose(found, expected, rtol=0.12)
         corner[star] = found.mean()
     assert corner["cool"] > 1.25 * corner["hot"]
 
@@ -103,7 +102,7 @@ def test_two_cells_are_recomputed(stored):
             INPUTS, 0.95, photons(4.0, star), fusion.TRIALS, seed
         )
         for name, array in zip(images.RESULTS, arrays, strict=True):
-            np.testing.assert_allclose(array, stored[name][place], atol=1e-9)
+            assert_allclose(array, stored[name][place], atol=1e-9)
 
 
 def test_the_table_shows_the_stored_arrays(stored):

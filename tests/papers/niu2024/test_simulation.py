@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from reproduce.judge import readings
 from reproduce.papers.niu2024 import simulation
@@ -43,7 +44,7 @@ def prediction():
 def test_the_literal_arrangement_is_the_printed_one_by_hand():
     """Lattice points in a circle of radius 6/0.9."""
     steps = np.degrees(np.diff(np.unique(TABLE[:, 0].round(12))))
-    np.testing.assert_allclose(steps, 0.9, atol=1e-9)
+    assert_allclose(steps, 0.9, atol=1e-9)
     side = range(-9, 10)
     inside = [(i, j) for i in side for j in side if i * i + j * j <= (6 / 0.9) ** 2]
     assert len(TABLE) == len(inside) == 137
@@ -53,7 +54,7 @@ def test_figure_4_has_every_arrangement():
     drawn = [
         one.lines[0].get_xydata() for one in Figure("niu2024/fig-4").compute().axes
     ]
-    np.testing.assert_array_equal(drawn[0], np.degrees(TABLE))
+    assert_array_equal(drawn[0], np.degrees(TABLE))
     assert len(drawn) == len({one.round(6).tobytes() for one in drawn}) == 9
     assert all(len(one) == 137 for one in drawn)
 
@@ -106,14 +107,14 @@ def test_noise_has_the_sigma_of_its_channel_over_the_root_of_the_draws():
             measured = simulation._measuring(INPUTS, generator(), 200, *reading)
             errors = measured(TABLE) - TRUE
             sigma = 0.05 * np.array(factors) / np.sqrt(count)
-            np.testing.assert_allclose(errors.std(axis=(0, 2, 3)), sigma, rtol=0.02)
+            assert_allclose(errors.std(axis=(0, 2, 3)), sigma, rtol=0.02)
 
 
 def test_test_points_fill_the_range_or_are_different_angles():
     inputs = load_inputs(simulation.registration_rmse.inputs)
     arguments = inputs, generator(), 300, TABLE
     drawn = simulation._test_angles(*arguments, "range")
-    np.testing.assert_allclose(np.abs(drawn).max((0, 1)), np.radians((8, 6)), rtol=0.01)
+    assert_allclose(np.abs(drawn).max((0, 1)), np.radians((8, 6)), rtol=0.01)
     for angles in simulation._test_angles(*arguments, "angles")[:3]:
         distances = np.linalg.norm(angles[:, None] - TABLE, axis=-1)
         assert distances.min(axis=1).max() == 0

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bench import LASERS, SPOTS, TRACKER
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
@@ -20,17 +21,7 @@ from reproduce.physics.attitude import (
     stage_angles,
 )
 
-# The spots as printed, the tracker of Table II; four lasers at the corners of an upright cross.
-SPOTS = np.array(
-    [(544.822, 435.751), (520.724, 459.788), (569.035, 459.876), (544.579, 483.940)]
-)
-TRACKER = {
-    "principal_point": (511.5, 511.5),
-    "pixel_pitch": 13e-6,
-    "focal_length": 60e-3,
-}
 CAMERA_FOCAL_LENGTH = 2.107  # where a cross of 22 mm fits the printed spots
-LASERS = 11e-3 * np.array([(0, -1), (-1, 0), (1, 0), (0, 1)])
 
 EMITTED = emitted_directions(LASERS, CAMERA_FOCAL_LENGTH)
 RECEIVED = received_directions(SPOTS, **TRACKER)
@@ -50,28 +41,15 @@ def test_spots_come_back_from_their_directions():
         received_spots(-RECEIVED, **TRACKER)
 
 
-# The laser transform, (4) and (5)
-
-
 # Misalignment and attitude, (6) to (9)
 
 INSTALLED = turn(2.0, 0.1, -0.4)  # camera_zero_from_tracker
 TURN = np.array([3e-5, -5e-5, 8e-5])
-MISALIGNMENT = turn(*-TURN)  # the camera turns by TURN, coordinates the other way
+# The axes of the camera turn right-handed by TURN, and coordinates the other way.
+MISALIGNMENT = turn(*-TURN)
 FIXED_MIRRORS = turn(
     0.7, -1.1, 0.2
 )  # what retroreflector and dichroic mirror do together
-
-
-def test_a_turn_of_the_camera_has_the_stated_sign():
-    for axis in range(3):
-        angles = np.zeros(3)
-        angles[axis] = 1e-4
-        # Right-handed turn of the camera's axes, seen from its zero position.
-        zero_from_now = turn(*angles)
-        assert_allclose(misalignment_angles(zero_from_now.T), angles, atol=1e-16)
-    swings_to_x = turn(0, 1e-4, 0) @ [0, 0, 1]
-    assert swings_to_x[0] > 0
 
 
 def test_the_relations_hold_together_for_a_camera_that_turns():
@@ -86,8 +64,6 @@ def test_the_relations_hold_together_for_a_camera_that_turns():
     )
     direct = misalignment(EMITTED, EMITTED @ transform_now.T, transform_zero)
     assert_allclose(misalignment_angles(direct), TURN, atol=1e-12)
-    corrected = inertial_attitude(direct, INSTALLED, np.eye(3))
-    assert_allclose(corrected, tracker_from_now.T, atol=1e-12)
     tracker_attitude = turn(-0.2, 2.2, 0.9)
     found = inertial_attitude(direct, INSTALLED, tracker_attitude)
     assert_allclose(found, MISALIGNMENT @ INSTALLED @ tracker_attitude, atol=1e-12)
@@ -120,6 +96,3 @@ def test_moved_lasers_look_like_a_turned_camera():
     expected = stage_angles(shifts, CAMERA_FOCAL_LENGTH)
     # A shift is not quite a turn away from the boresight: 2.7e-5 of it at 5 mrad.
     assert_allclose(angles, expected, atol=3e-5 * np.abs(expected).max())
-
-
-# The accuracy, (11)

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import bench
 import numpy as np
 import pytest
 from numpy.random import default_rng
@@ -23,7 +24,7 @@ MARKLEY = json.loads(
     (Path(__file__).parents[1] / "data/markley_wahba_12cases.json").read_text()
 )
 # The designed lasers: four directions within 0.6 degrees about the boresight.
-LASERS = emitted_directions(11e-3 * np.array([[0, -1], [-1, 0], [1, 0], [0, 1]]), 2.0)
+LASERS = emitted_directions(bench.LASERS, 2.0)
 RNG = default_rng(11)
 
 
@@ -39,14 +40,10 @@ def noisy(target, sigma, rng=RNG):
     return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
 
 
-def profile(target, source, weights=1.0):
-    return (np.asarray(weights)[..., None] * target).mT @ source
-
-
 def gap(target, source, weights=1.0):
     """Return the gap of Davenport's two largest eigenvalues, for weights of sum 1."""
     share = weights * np.ones(source.shape[-2])
-    matrix = profile(target, source, share / share.sum())
+    matrix = ((share / share.sum())[:, None] * target).mT @ source
     values = np.linalg.svd(matrix, compute_uv=False)
     return 2 * (values[..., 1] + np.sign(np.linalg.det(matrix)) * values[..., 2])
 

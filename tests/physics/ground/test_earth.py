@@ -6,6 +6,7 @@ from pathlib import Path
 import erfa
 import numpy as np
 import pytest
+from bench import ARCSEC
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +23,6 @@ from reproduce.physics.ground import (
 )
 
 DATA = Path(__file__).parents[1] / "data"
-ARCSEC = np.pi / 180 / 3600
 
 
 def test_the_page_computes_the_matrix_of_the_sofa_cookbook():

@@ -16,8 +16,6 @@ from reproduce.physics.images import (
 )
 from reproduce.physics.validate import DegenerateGeometryError
 
-PHASES = np.linspace(-0.5, 0.5, 21)
-
 
 def test_a_window_is_the_integral_of_the_gaussian():
     across = spot_windows([0.3, 0.0], 1.0, 0.7, [-1, -30], 61)[:, :3].sum(axis=0)

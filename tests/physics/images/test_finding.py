@@ -16,14 +16,19 @@ PLAIN = ((0.0, 1.0),)
 TRAIL = tuple((step, 1 / 7) for step in np.linspace(-1.5, 1.5, 7))
 
 
-def stars(seed, rows=ROWS):
+def stars(seed):
     """Return places and light of stars on a grid with random offsets."""
     rng = default_rng([3, seed])
-    steps = (np.arange(rows) + 0.5) * SIDE / rows
+    steps = (np.arange(ROWS) + 0.5) * SIDE / ROWS
     places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     return places + rng.uniform(-9, 9, places.shape), 10 ** rng.uniform(
         3.8, 5, len(places)
     )
+
+
+def plain(places, light):
+    """Return an image of spots of one shape."""
+    return render_frame(places, light, 1.2, (SIDE, SIDE))
 
 
 def winged(places, light):
@@ -34,11 +39,11 @@ def winged(places, light):
     )
 
 
-def exposed(image, rng, slope=0.0, gain=1.0):
+def exposed(image, rng, slope=0.0):
     """Return digital numbers: photon and read noise on a sky that increases along x."""
     photons = image + 1000 + slope * np.arange(SIDE) / SIDE
     noisy = rng.poisson(photons) + READ_NOISE * rng.standard_normal(image.shape)
-    return np.round(noisy / gain + 100)
+    return np.round(noisy + 100)
 
 
 def pulls(spots, places, light):
@@ -56,7 +61,7 @@ def test_a_slope_of_the_background_is_no_noise(slope):
     all_pulls = []
     for seed in range(5):
         places, light = stars(seed)
-        frame = render_frame(places, light, 1.2, (SIDE, SIDE))
+        frame = plain(places, light)
         spots = find_spots(exposed(frame, default_rng(seed), slope))
         assert (spots.reasons == "").sum() == len(places)
         noise = np.sqrt(1000 + slope / 2 + READ_NOISE**2)
@@ -113,7 +118,7 @@ def test_deviations_of_pixels_may_contain_the_photon_noise_of_the_spots():
     all_pulls = []
     for seed in range(4):
         places, light = stars(seed)
-        frame = render_frame(places, light, 1.2, (SIDE, SIDE))
+        frame = plain(places, light)
         sigma = np.sqrt(frame + 1000 + READ_NOISE**2)
         spots = find_spots(exposed(frame, default_rng(seed)), sigma=sigma)
         assert spots.findings == ()
@@ -124,7 +129,7 @@ def test_deviations_of_pixels_may_contain_the_photon_noise_of_the_spots():
 
 def test_spots_without_a_centre_have_a_reason():
     """Numbers of missing pixels that are no NaN."""
-    frame = exposed(render_frame(*stars(0), 1.2, (SIDE, SIDE)), default_rng(0))
+    frame = exposed(plain(*stars(0)), default_rng(0))
     frame[::7, ::5] = -32768
     assert (find_spots(frame).reasons != "").all()
 
@@ -143,17 +148,17 @@ def test_spots_are_measured_if_most_are_trailed():
 def test_errors_do_not_depend_on_the_unit_of_an_image():
     """An image in electrons, or a sum of images, has large numbers."""
     places, light = stars(2)
-    frame = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(2))
-    plain = find_spots(frame)
+    frame = exposed(plain(places, light), default_rng(2))
+    once = find_spots(frame)
     for unit in (1e-9, 1e9):
         spots = find_spots(unit * frame)
-        assert_allclose(spots.covariance, plain.covariance, rtol=0.01)
-        assert spots.facts["gain"] == pytest.approx(plain.facts["gain"] / unit, rel=0.1)
+        assert_allclose(spots.covariance, once.covariance, rtol=0.01)
+        assert spots.facts["gain"] == pytest.approx(once.facts["gain"] / unit, rel=0.1)
 
 
 def test_implausible_gains_are_reported():
     places, light = stars(0)
-    image = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(0))
+    image = exposed(plain(places, light), default_rng(0))
     for scale in (1 / 65535, 1000):
         (remark,) = find_spots(scale * image).findings
         assert remark.kind == "gain"
@@ -163,7 +168,7 @@ def pair(seed, kernel=((0.0, 1.0),), radius=1.2):
     """Return the spots of two images, the second smeared along x, and its displacement."""
     rng = default_rng([5, seed])
     places, light = stars(seed)
-    first = render_frame(places, light, 1.2, (SIDE, SIDE))
+    first = plain(places, light)
     second = sum(
         part * render_frame(np.add(places, (step, 0)), light, radius, first.shape)
         for step, part in kernel
@@ -208,7 +213,7 @@ def test_shapes_rotate_with_the_image():
 
 def test_the_memory_is_at_most_20_bytes_per_pixel():
     places, light = stars(0)
-    frame = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(0))
+    frame = exposed(plain(places, light), default_rng(0))
     image = np.tile(frame, (4, 4)).astype(np.float32)
     tracemalloc.start()
     found_spots = find_spots(image)

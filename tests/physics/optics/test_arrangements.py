@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from reproduce.physics import optics
 from reproduce.physics.optics import arrangement_angles
 
-HALF_X, HALF_Y, STEP = HALVES = np.radians((8.0, 6.0, 0.9))
+HALVES = np.radians((8.0, 6.0, 0.9))
 NAMES = map(
     "; ".join,
     product(

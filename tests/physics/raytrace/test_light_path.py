@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench import LASERS
 from numpy.testing import assert_allclose
 
 from reproduce.physics.attitude import (
@@ -23,7 +24,6 @@ from reproduce.physics.raytrace import (
 )
 
 CAMERA, TRACKER, BETWEEN = 2.0, 0.06, np.radians(120.0)
-LASERS = 11e-3 * np.array([[0, -1], [-1, 0], [1, 0], [0, 1.0]])
 APERTURE = 0.1 * np.array(
     [[np.cos(a), np.sin(a)] for a in np.arange(24) * np.pi / 12 + 0.05]
 )

@@ -21,10 +21,6 @@ from reproduce.physics.validate import DegenerateGeometryError
 START = (1.0, 0.0, 0.0, 0.0)
 
 
-def cost(u, source, target):
-    return float((deviations(u, source, target, PIVOT) ** 2).sum())
-
-
 def rotation(source_line, target_line):
     return float(starting_values(source_line, target_line, (0, 0), (0, 0))[1])
 
@@ -67,7 +63,7 @@ def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost(path):
     held = [(u[2:] == 0.3).all() for u in path]
     assert 1 < sum(held) < len(path) - 1
     assert held == sorted(held, reverse=True)
-    costs = [cost(u, source, target) for u in path]
+    costs = [np.square(deviations(u, source, target, PIVOT)).sum() for u in path]
     assert (np.diff(costs) <= 1e-9 * costs[0]).all()
 
 
@@ -114,9 +110,9 @@ def test_starting_values_are_the_truth_without_noise():
 
 def test_two_line_rotation_takes_the_short_way_round():
     up = [[0, 0], [np.cos(1.5), np.sin(1.5)]]
-    extra_scatter = [[0, 0], [np.cos(1.7), np.sin(1.7)]]
-    assert rotation(up, extra_scatter) == pytest.approx(0.2)
-    assert rotation(extra_scatter, up) == pytest.approx(-0.2)
+    over = [[0, 0], [np.cos(1.7), np.sin(1.7)]]
+    assert rotation(up, over) == pytest.approx(0.2)
+    assert rotation(over, up) == pytest.approx(-0.2)
 
 
 def test_random_restarts_all_end_at_the_closed_form():

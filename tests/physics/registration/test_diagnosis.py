@@ -133,7 +133,7 @@ def test_p_values_of_right_fields_are_uniform(known):
 
 
 def test_intervals_that_allow_a_radial_term_cover_with_and_without_it():
-    """Change and error are those of the richer fit, and the intervals cover in all fields."""
+    """The error is that of the richer fit, and the intervals cover in all fields."""
     inside = []
     for seed in range(300):
         source, target = stars(seed, 20, noise=0.07)
@@ -149,7 +149,6 @@ def test_intervals_that_allow_a_radial_term_cover_with_and_without_it():
             rich = fit_registration(source, target + bend, PIVOT, model=model)
             expected = rich.standard_errors[:4]
             assert term.error * error == pytest.approx(expected, rel=1e-3)
-            assert centre == pytest.approx(rich.parameters[:4], rel=1e-4)
     for part in (inside[::2], inside[1::2]):
         sigma = np.sqrt(0.95 * 0.05 / len(part))
         assert np.abs(np.mean(part, axis=0) - 0.95).max() < 4 * sigma

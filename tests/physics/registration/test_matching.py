@@ -12,6 +12,7 @@ import reproduce as rp
 from reproduce.physics.registration import Registration, match_points
 
 FIELD = 1000.0
+MIDDLE = (FIELD / 2, FIELD / 2)
 
 
 def lists(
@@ -28,9 +29,7 @@ def lists(
     """Return two lists of stars in random order of rows, and the true row of the target of each."""
     rng = default_rng([36, seed])
     stars = rng.uniform(0, FIELD, (common, 2))
-    motion = Registration.similarity(
-        scale, np.radians(degrees), shift, (FIELD / 2, FIELD / 2)
-    )
+    motion = Registration.similarity(scale, np.radians(degrees), shift, MIDDLE)
     both = [
         np.vstack(
             [
@@ -41,10 +40,8 @@ def lists(
         for places in (stars, motion.apply(stars * (1, flip)))
     ]
     orders = [rng.permutation(common + unmatched) for _ in both]
-    true = {
-        int(np.flatnonzero(orders[0] == i)[0]): int(np.flatnonzero(orders[1] == i)[0])
-        for i in range(common)
-    }
+    rows = (np.argsort(order)[:common].tolist() for order in orders)
+    true = dict(zip(*rows, strict=True))
     return both[0][orders[0]], both[1][orders[1]], true
 
 
@@ -101,9 +98,7 @@ def test_lists_in_any_order_of_rows_are_matched(motion, count):
 @pytest.mark.parametrize("degrees", [90, 180])
 def test_many_stars_in_the_order_of_y_are_matched_as_fast_as_shuffled_stars(degrees):
     stars = default_rng(5).uniform(0, FIELD, (5000, 2))
-    turned = Registration.similarity(
-        1, np.radians(degrees), (0, 0), (FIELD / 2, FIELD / 2)
-    )
+    turned = Registration.similarity(1, np.radians(degrees), (0, 0), MIDDLE)
     noise = default_rng(6).normal(0, 0.05, stars.shape)
     target = turned.apply(stars) + noise
     ordered = tuple(places[np.argsort(places[:, 1])] for places in (stars, target))
@@ -161,9 +156,7 @@ def test_a_grid_is_not_matched_to_its_neighbours(kind, degrees):
     steps = np.arange(0.5, 7) * FIELD / 7
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid += 5 * (kind == "displaced") * rng.normal(size=grid.shape)
-    motion = Registration.similarity(
-        1, np.radians(degrees), (60, -90), (FIELD / 2, FIELD / 2)
-    )
+    motion = Registration.similarity(1, np.radians(degrees), (60, -90), MIDDLE)
     target = motion.apply(grid) + rng.normal(0, 0.05, grid.shape)
     kept = (np.abs(target - FIELD / 2) < FIELD / 2).all(axis=1) | (kind == "whole")
     order = rng.permutation(np.flatnonzero(kept))
