@@ -25,10 +25,10 @@ def held(model, **values):
     return model.with_priors({name.replace("_", "-"): p for name, p in known.items()})
 
 
-def spots(platform, lever=0.0, **known):
+def spots(platform, drifts=False, **known):
     """Two groups of 400 images; their values are replaced by simulated ones."""
-    weights = np.array([[400.0, 400.0], [0.0, lever]])
-    spots = SpotLikelihood(platform, np.zeros((2, 2, 4, 2)), weights, 1.0)
+    times = np.zeros(400), drifts * np.linspace(-1, 1, 400)
+    spots = SpotLikelihood(platform, np.zeros((2, 2, 4, 2)), times, 1.0)
     model = misalignment_model(spots)
     return held(model, **known)
 
@@ -45,7 +45,7 @@ WELL_SPECIFIED = {
     "registration": lambda r, _: r,
     "registration-distortion": lambda r, _: distorted(r),
     "misalignment": lambda _, p: spots(p),
-    "misalignment-drift": lambda _, p: spots(p, 134.0, **NO_DRIFT),
+    "misalignment-drift": lambda _, p: spots(p, drifts=True, **NO_DRIFT),
 }
 
 
@@ -93,10 +93,10 @@ def test_errors_of_quest_are_its_response_to_every_spot(platform):
 
 def test_quest_takes_a_drift_for_noise(platform):
     """The scatter about the mean of a drifting group contains the drift."""
-    likelihood = spots(platform, 134.0).likelihood
+    likelihood = spots(platform, drifts=True).likelihood
     truth = np.array([0, 0, 0, 0, 0, 0, 4e-4, 0, 0, 1.0, 0.017])
     drawn = likelihood.simulate(truth, np.random.default_rng(1))
     noise = estimate(drawn)[0][-1]
-    drift = np.square(drawn.moments[1, 1]).mean() * 134.0 / (2 * 399)
+    drift = np.square(drawn.moments[1, 1]).mean() * drawn.weights[1, 1] / (2 * 399)
     assert noise == pytest.approx(np.hypot(0.017, np.sqrt(drift)), rel=0.03)
     assert noise > 3 * 0.017
