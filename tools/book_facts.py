@@ -24,13 +24,13 @@ import page_cells
 from pack_book import write_zip
 from reproduce.consistency.report import Erratum, audit_paper
 from reproduce.judge import verdicts as judging
-from reproduce.judge.ledger import expected
+from reproduce.judge.ledger import Record, expected
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import computations, study
+from reproduce.papers.declare import computation_for, computations, study
 from reproduce.printed.cells import PAPERS, library
-from reproduce.printed.number import NOMINAL_FRACTION, minus, powers
+from reproduce.printed.number import NOMINAL_FRACTION, minus, powers, quantity
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.version import ADDRESS
@@ -45,7 +45,7 @@ from reproduce.views.figure import Figure
 from reproduce.views.reports import FORMS, report
 from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
-from reproduce.views.verdicts import facts_of
+from reproduce.views.verdicts import counts, facts_of
 
 # Formats of a citation that a card copies.
 CITATIONS = {
@@ -63,6 +63,7 @@ _AUDITED = {
     "contradicting": "Contradict",
     "restating-contradicting": "Contradict among these",
 }
+_OPEN = {"differs", "ambiguous", "unpublished"}
 # Start of the series that collects the numbers of a page.
 QUOTED = "quoted = pd.Series("
 
@@ -107,21 +108,12 @@ def of_posteriors(names: Iterable[str]) -> dict[str, str]:
 
 def unsampled() -> dict[str, str]:
     """Compute the facts of ledger, studies, audit and pages."""
-    records = whole_ledger().records
-    keys = dict.fromkeys(record.key for record in records)
-    names = [*(record.cell for record in records), *keys, *PAPERS, "all"]
-    found = {
-        f"{name} {what}": text
-        for name in names
-        for what, text in facts_of(name).items()
-    }
+    found = of_ledger()
     for key in catalogue("studies"):
         quoted = study(key).facts().items()
         found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
     causes = Counter(
-        expected(r.cell).erratum
-        for r in records
-        if r.verdict in {"differs", "ambiguous", "unpublished"}
+        expected(r.cell).erratum for r in whole_ledger().records if r.verdict in _OPEN
     )
     found |= {
         f"erratum/{name} cells": str(count) for name, count in causes.items() if name
@@ -131,7 +123,50 @@ def unsampled() -> dict[str, str]:
     found |= {f"constant#{label}": text for label, text in _of_constants().items()}
     found |= {f"audit#{label}": text for label, text in _of_audits().items()}
     found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
-    return {name: powers(text) for name, text in found.items()}
+    return {name: powers(text) for name, text in found.items() if text}
+
+
+def of_ledger() -> dict[str, str]:
+    """Compute the facts of all cells, of all items, of the papers and of ``all``."""
+    records, found = whole_ledger().records, {}
+    for name in ("all", *PAPERS):
+        chosen = [r for r in records if name in {"all", r.paper}]
+        counted = {
+            "cells": chosen,
+            "numbers": [r for r in chosen if r.printed_cell.is_number],
+            "unsettled": [r for r in chosen if r.verdict in _OPEN],
+        }
+        lengths = {what: str(len(part)) for what, part in counted.items()}
+        found[name] = counts(chosen) | lengths
+    found |= {key: facts_of(key) for key in library()}
+    for record in records:
+        found[record.cell] = facts_of(record.cell) | dict(_of_cell(record))
+    return {
+        f"{name} {what}": text
+        for name, texts in found.items()
+        for what, text in texts.items()
+    }
+
+
+def _of_cell(record: Record) -> Iterator[tuple[str, str]]:
+    """Yield the facts of a cell; ``if-OPTION-ALTERNATIVE`` is its value in another reading."""
+    shown, summary = verdicts.texts(record), record.readings
+    yield "verdict", record.verdict
+    yield "probability", str(shown["probability"])
+    made = computation_for(record.cell)
+    if not (summary and made):
+        return
+    yield "readings", str(summary.count)
+    yield "agreeing", str(summary.agreeing)
+    yield "agrees-if", str(shown["agrees with"])
+    others = {"closest-computed": summary.closest}
+    for reading in evaluate(made).cells[record.printed_cell.name]:
+        changed = reading.choices.items() - made.literal.items()
+        if len(changed) == 1:
+            others["-".join(("if", *changed.pop()))] = reading
+    for name, reading in others.items():
+        other = record.model_copy(update=dict(reading))
+        yield name, quantity(verdicts.computed(other), other.printed_cell.symbol)
 
 
 def _of_constants() -> dict[str, str]:
@@ -203,8 +238,8 @@ def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
     yield "sbc-failed", str(rows["failed"].iloc[0])
     yield "sbc-least-p", f"{rows['even'].min():.2g}"
     yield "sbc-quantities", str(len(rows))
-    for quantity, share in rows.set_index("quantity")["published_95"].dropna().items():
-        yield f"sbc-{quantity}-published", f"{100 * share:.0f}\u202f%"
+    for estimate, share in rows.set_index("quantity")["published_95"].dropna().items():
+        yield f"sbc-{estimate}-published", f"{100 * share:.0f}\u202f%"
 
 
 def _of_audits() -> dict[str, str]:

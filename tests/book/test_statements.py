@@ -4,11 +4,11 @@ import numpy as np
 from bench import ARCSEC
 from scipy.stats import chi2
 
+from book_facts import of_ledger
 from reproduce.judge.ledger import frozen
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
-from reproduce.views.verdicts import facts_of
 
 
 def test_one_pointing_error_agrees_within_the_rounding_of_the_residuals():
@@ -53,13 +53,14 @@ def test_the_first_page_trusts_what_agrees():
         "chen2023/text-resolution#optimum": "ambiguous",
     }
     assert {cell: found[cell].verdict for cell in expected} == expected
-    counts = facts_of("chen2023/table-4")
-    assert counts["agree"].partition(" ")[0] == counts["results"]
+    counts = of_ledger()
+    agree = counts["chen2023/table-4 agree"].partition(" ")[0]
+    assert agree == counts["chen2023/table-4 results"]
 
 
 def test_words_and_dashes_are_not_counted_as_numbers():
-    facts = facts_of("all")
-    assert int(facts["cells"]) - int(facts["numbers"]) == 13
+    facts = of_ledger()
+    assert int(facts["all cells"]) - int(facts["all numbers"]) == 13
 
 
 def test_focal_length_and_columns_do_not_settle_the_monitored_angles():

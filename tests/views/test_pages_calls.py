@@ -13,7 +13,7 @@ import yaml
 from bs4 import BeautifulSoup
 
 import reproduce as rp
-from book_facts import Register, register, write_tables
+from book_facts import Register, of_ledger, register, write_tables
 from reproduce.judge.ledger import expected
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Fact
@@ -24,7 +24,6 @@ from reproduce.views.citations import cite
 from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import errata_register
 from reproduce.views.export import provenance_of, table_files
-from reproduce.views.verdicts import facts_of
 
 SPARSE = """computed error tolerance share probability mcse stands_for_low stands_for_high
 interval_low interval_high function line readings agreeing closest_computed
@@ -79,20 +78,20 @@ def test_the_index_adds_up():
 
 def test_facts_of_cells_items_and_papers():
     """A count of agreement is never given without its weak part."""
-    cell = facts_of("niu2024/table-3#rotation.red")
-    assert (cell["printed"], cell["verdict"]) == ("0.0698°", "consistent")
-    assert facts_of("niu2024/table-3")["joint"] == "below 1/2,000"
-    with pytest.raises(KeyError):
-        facts_of("niu2024/table-3#scale.green")
+    facts = of_ledger()
+    assert facts["niu2024/table-3#rotation.red printed"] == "0.0698°"
+    assert facts["niu2024/table-3#rotation.red verdict"] == "consistent"
+    assert facts["niu2024/table-3 joint"] == "below 1/2,000"
     for name in ("all", *PAPERS, *library()):
-        facts, records = facts_of(name), whole_ledger().records
+        records = whole_ledger().records
         records = [r for r in records if name in {"all", r.key, r.key.split("/")[0]}]
         agree = [r for r in records if r.verdict in {"exact", "consistent"}]
         weak = sum(bool({*r.flags} & {*verdicts.WEAK}) for r in agree)
         fraction = "all" if weak == len(agree) else weak
         remark = f" ({fraction} of them weakly)" if weak else ""
-        assert facts["agree"] == f"{len(agree)}{remark}"
-        assert (facts["strong"], facts["weak"]) == (f"{len(agree) - weak}", f"{weak}")
+        assert facts[f"{name} agree"] == f"{len(agree)}{remark}"
+        assert facts[f"{name} strong"] == f"{len(agree) - weak}"
+        assert facts[f"{name} weak"] == f"{weak}"
 
 
 def test_numbers_have_the_digits_that_their_errors_allow():

@@ -14,13 +14,12 @@ from reproduce.judge.ledger import (
     item_ledger,
     record_of,
 )
-from reproduce.judge.readings import ReadingSummary, evaluate
+from reproduce.judge.readings import ReadingSummary
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
 from reproduce.papers.declare import computation_for
-from reproduce.printed.cells import PAPERS, PrintedCell, anchor
+from reproduce.printed.cells import PrintedCell, anchor
 from reproduce.printed.number import minus, quantity
 from reproduce.views.blocks import Entry, badge, code, link
-from reproduce.views.computed import whole_ledger
 from reproduce.views.numbers import digits
 
 # Kinds of weak agreement, and their names for readers.
@@ -202,9 +201,8 @@ def deciding(summary: ReadingSummary) -> str:
 
 def _read(record: Record, reading: Reading) -> str:
     """Return the computed value and the verdict of a cell under one reading."""
-    extra = int(not reading.agrees or bool(flags(reading)))
-    value = record.printed_cell.number.format(reading.computed, extra=extra)
-    return f"{_with_unit(record, value)}, {qualified(reading)}"
+    other = record.model_copy(update=dict(reading))
+    return f"{_with_unit(other, computed(other))}, {qualified(reading)}"
 
 
 def tally(records: Collection[Record]) -> dict[str, int]:
@@ -242,47 +240,22 @@ def replied_state(record: Record) -> str:
 
 
 def facts_of(name: str) -> dict[str, str]:
-    """Return the facts of a cell, an item, a paper or ``all``, by name.
-
-    Parameters
-    ----------
-    name : str
-        Address of a cell, key of an item, key of a paper, or ``all``.
-
-    Returns
-    -------
-    dict of str to str
-        Texts of the facts.
-
-    Raises
-    ------
-    KeyError
-        If the name is unknown.
+    """Return the facts of a cell or of an item, by name.
 
     Examples
     --------
     >>> facts_of("niu2024/table-2#scale.red")["computed"]
     '0.9976'
     """
-    key, _, cell = name.partition("#")
-    if cell:
-        return _facts_of_cell(record_of(name))
-    if "/" in name:
-        ledger = item_ledger(key)
-        facts = _counts(ledger.records)
-        for joint in ledger.tables:
-            facts |= _joint_facts(joint)
-        return facts
-    if name not in {*PAPERS, "all"}:
-        raise KeyError(
-            f"name: expected an address, a key, 'all' or one of {PAPERS}, got {name!r}"
-        )
-    records = whole_ledger().records
-    chosen = [r for r in records if name in {"all", r.paper}]
-    open_ = [r for r in chosen if r.verdict in {"differs", "ambiguous", "unpublished"}]
-    numbers = [record for record in chosen if record.printed_cell.is_number]
-    counted = {"cells": chosen, "numbers": numbers, "unsettled": open_}
-    return _counts(chosen) | {what: str(len(part)) for what, part in counted.items()}
+    if "#" in name:
+        record = record_of(name)
+        value = _with_unit(record, computed(record))
+        return {"printed": record.printed_cell.shown, "computed": value or "nothing"}
+    ledger = item_ledger(name)
+    facts = counts(ledger.records)
+    for joint in ledger.tables:
+        facts |= _joint_facts(joint)
+    return facts
 
 
 def filled(text: str) -> str:
@@ -301,30 +274,7 @@ def filled(text: str) -> str:
     return re.sub(r"\{([^{}]+)\}", fill, text)
 
 
-def _facts_of_cell(record: Record) -> dict[str, str]:
-    facts = {
-        "printed": record.printed_cell.shown,
-        "computed": _with_unit(record, computed(record)) or "nothing",
-        "verdict": record.verdict,
-        "probability": _probability(record) or "none",
-    }
-    summary, made = record.readings, computation_for(record.cell)
-    if not (summary and made):
-        return facts
-    for reading in evaluate(made).cells[record.printed_cell.name]:
-        changed = reading.choices.items() - made.literal.items()
-        if len(changed) == 1:
-            name = "-".join(("if", *next(iter(changed))))
-            facts[name] = _read(record, reading).partition(",")[0]
-    return facts | {
-        "readings": str(summary.count),
-        "agreeing": str(summary.agreeing),
-        "agrees-if": deciding(summary) or "no reading decides",
-        "closest-computed": _read(record, summary.closest).partition(",")[0],
-    }
-
-
-def _counts(records: Collection[Record]) -> dict[str, str]:
+def counts(records: Collection[Record]) -> dict[str, str]:
     """Count verdicts; a count of agreement includes the number of weak agreements."""
     facts = {"results": str(sum(record.role == "result" for record in records))}
     for name in (*VERDICTS, "agree"):
