@@ -14,6 +14,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import duckdb
 import pandas as pd
@@ -28,8 +29,9 @@ from reproduce.judge.ledger import Record, expected
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import computation_for, computations, study
+from reproduce.papers.declare import computation_for, computations, item_text, study
 from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import NOMINAL_FRACTION, minus, powers, quantity
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
@@ -68,13 +70,6 @@ _OPEN = {"differs", "ambiguous", "unpublished"}
 QUOTED = "quoted = pd.Series("
 
 
-def facts() -> dict[str, str]:
-    """Compute every fact."""
-    from reproduce.papers.posteriors import posteriors
-
-    return unsampled() | of_posteriors(posteriors())
-
-
 def of_pages(pages: Iterable[Path]) -> dict[str, str]:
     """Run the pages with a series ``quoted``, and return its numbers by name."""
     found: dict[str, str] = {}
@@ -108,21 +103,19 @@ def of_posteriors(names: Iterable[str]) -> dict[str, str]:
 
 def unsampled() -> dict[str, str]:
     """Compute the facts of ledger, studies, audit and pages."""
-    found = of_ledger()
-    for key in catalogue("studies"):
-        quoted = study(key).facts().items()
-        found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
     causes = Counter(
         expected(r.cell).erratum for r in whole_ledger().records if r.verdict in _OPEN
     )
+    found = of_ledger() | of_pages(page_cells.notebooks())
     found |= {
         f"erratum/{name} cells": str(count) for name, count in causes.items() if name
     }
     found |= {f"verdict/{word}": look["meaning"] for word, look in LOOKS.items()}
-    found |= of_pages(page_cells.notebooks())
-    found |= {f"constant#{label}": text for label, text in _of_constants().items()}
-    found |= {f"audit#{label}": text for label, text in _of_audits().items()}
-    found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
+    groups = {key: _texts_of_study(key) for key in catalogue("studies")}
+    groups["constant"] = _of_constants()
+    groups["audit"], groups["evidence"] = _of_audits(), _of_evidence()
+    for group, texts in groups.items():
+        found |= {f"{group}#{name}": text for name, text in texts.items()}
     return {name: powers(text) for name, text in found.items() if text}
 
 
@@ -167,6 +160,28 @@ def _of_cell(record: Record) -> Iterator[tuple[str, str]]:
     for name, reading in others.items():
         other = record.model_copy(update=dict(reading))
         yield name, quantity(verdicts.computed(other), other.printed_cell.symbol)
+
+
+def of_study(key: str) -> dict[str, Any]:
+    """Return the facts of a supplementary table: of its rows, or computed by `named`."""
+    declared, frame = study(key), StudyTable(key).frame()
+    facts = declared.text.facts
+    values = dict(declared.named(load_inputs(declared.inputs)))
+    for name, fact in facts.items():
+        if fact.column:
+            chosen = (frame[[*fact.rows]] == pd.Series(fact.rows)).all(axis=1)
+            values[name] = frame.loc[chosen, fact.column].agg(fact.take)
+    if values.keys() != facts.keys():
+        raise ValueError(f"{key}: expected the facts {[*facts]}, got {[*values]}")
+    return values
+
+
+def _texts_of_study(key: str) -> dict[str, str]:
+    facts = item_text(key).facts
+    return {
+        name: quantity(numbers.entry(value, facts[name]), facts[name].unit)
+        for name, value in of_study(key).items()
+    }
 
 
 def _of_constants() -> dict[str, str]:
@@ -217,17 +232,14 @@ def _of_posterior(name: str) -> dict[str, str]:
     found, texts = book_posterior(name), {}
     for row in found.summaries():
         label = row.name.replace(" ", "-").replace(",", "")
-        texts[label] = f"{interval(row)[0]}{_gap(row.unit)}"
+        unit = "" if row.unit == "1" else row.unit
+        texts[label] = quantity(interval(row)[0], unit)
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
-            texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
+            texts[f"{label}-{what}"] = quantity(minus(text), unit)
     for label, value in Posterior(name).truth.items():
         row = next(row for row in found.rows if row.name == label)
         texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
     return texts | dict(_of_calibration(name))
-
-
-def _gap(unit: str) -> str:
-    return "" if unit == "1" else f"\u202f{unit}"
 
 
 def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
@@ -264,8 +276,11 @@ def _of_audits() -> dict[str, str]:
 
 def write_facts(path: Path) -> None:
     """Write all facts to a JSON file."""
+    from reproduce.papers.posteriors import posteriors
+
+    found = unsampled() | of_posteriors(posteriors())
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(facts(), ensure_ascii=False, indent=0)
+    text = json.dumps(found, ensure_ascii=False, indent=0)
     write_text(path, text + "\n")
 
 

@@ -14,6 +14,7 @@ from sphinx.util.docutils import SphinxDirective
 from after_build import SAFE
 from reproduce.judge.ledger import entries, frozen
 from reproduce.printed.cells import anchor, find, library
+from reproduce.views.blocks import link
 
 FOLD = " <details><summary>The numbers</summary>{}.</details>"
 
@@ -51,11 +52,6 @@ def complete(id: str, errata: tuple[str, ...] = (), **entry: str) -> Question:
     if entry.get("reply"):
         entry["reply"] += f" ({entry['state']})"
     return Question(id, cells=tuple(named), errata=tuple(filter(None, known)), **entry)
-
-
-def link(name: str, text: str) -> str:
-    """Return a link to an anchor; `anchors` adds the page."""
-    return f'<a href="#{name}">{text}</a>'
 
 
 def place(address: str) -> str:

@@ -18,9 +18,8 @@ from after_build import SAFE
 from reproduce.judge.ledger import frozen, record_of
 from reproduce.locate import data_folder
 from reproduce.printed.cells import anchor, library
-from reproduce.views.blocks import Block, Blocks, Grid, badge
+from reproduce.views.blocks import Block, Blocks, Grid, badge, link
 
-LINK = Markup('<a href="#{}">{}</a>')
 Moved = dict[str, tuple[str, str]]
 
 
@@ -75,7 +74,7 @@ class MovedDirective(SphinxDirective):
                 record = record_of(cell)
                 why = record.reason or record.why
                 rows.setdefault((record.key, *found[cell], why), []).append(
-                    LINK.format(anchor(cell), record.printed_cell.label)
+                    link(anchor(cell), record.printed_cell.label)
                 )
             lines = [
                 (

@@ -1,20 +1,20 @@
 """Tests of the captions of supplementary tables and options."""
 
 import tomllib
+from dataclasses import replace
 
 import pytest
 from places import ROOT
 
+from book_facts import of_study
 from reproduce.locate import read_toml
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import (
-    Column,
     Fact,
     Study,
     computations,
     drawing,
     item_text,
-    study,
 )
 from reproduce.papers.texts import ItemText
 
@@ -36,21 +36,16 @@ def test_every_text_is_used():
                 assert drawing(key), key
             if text.columns:
                 assert text.caption
-                assert study(key).facts().keys() == text.facts.keys(), key
+                assert of_study(key).keys() == text.facts.keys(), key
             assert text.columns or text.alternative or key in catalogue(), key
 
 
-@pytest.mark.parametrize(
-    "fact", [Fact(column="Axis", rows={"Axis": "none"}), Fact(), None]
-)
-def test_a_fact_without_a_value_is_named(fact, monkeypatch):
-    """No row matches, the computation does not return it, or it has no format."""
-    text = ItemText(columns=(Column("Axis"),), facts={"lost": fact} if fact else {})
+@pytest.mark.parametrize("facts", [{"altitude": Fact(), "lost": Fact()}, {}])
+def test_a_fact_without_a_value_or_a_format_is_named(facts, monkeypatch):
+    text = replace(item_text("chen2023/budget"), facts=facts)
     monkeypatch.setattr(Study, "text", text)
-    named = dict if fact else lambda: {"lost": 1.0}
-    table = Study("niu2024/x", lambda _: [("x",)], (), False, lambda _: named())
-    with pytest.raises(ValueError, match="fact lost"):
-        table.facts()
+    with pytest.raises(ValueError, match=r"budget: .*altitude"):
+        of_study("chen2023/budget")
 
 
 @pytest.mark.parametrize(

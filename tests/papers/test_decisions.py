@@ -6,11 +6,11 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy import stats
 
+from book_facts import of_study
 from reproduce.inference.models.bench import _averaging_moments
 from reproduce.papers import charts
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.chen2023 import published
-from reproduce.papers.declare import study
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids
 from reproduce.physics.attitude import scatter_of_averages
@@ -23,7 +23,7 @@ STARS = load_inputs(sensor.INPUTS)
 
 
 def fact(key, name):
-    return study(key).facts()[name].value
+    return of_study(key)[name]
 
 
 @pytest.fixture(scope="module")

@@ -331,26 +331,6 @@ class Study(PaperFunction):
         frame.attrs["caption"] = text.caption.format_map(blanks)
         return frame
 
-    def facts(self) -> dict[str, Fact]:
-        """Return the facts that sentences quote, by name: of the table, or computed by `named`."""
-        inputs, facts = load_inputs(self.inputs), self.text.facts
-        values, frame = dict(self.named(inputs)), self(inputs)
-        for name, fact in facts.items():
-            if fact.column:
-                rows = frame
-                for column, value in fact.rows.items():
-                    rows = rows[rows[column] == value]
-                values[name] = rows[fact.column].agg(fact.take)
-        for name in {*facts, *values}:
-            value = values.get(name)
-            if name not in facts or value is None or value != value:
-                raise ValueError(
-                    f"{self.key}, fact {name}: expected a value, got {value}"
-                )
-        return {
-            name: replace(facts[name], value=value) for name, value in values.items()
-        }
-
 
 # Decorators of functions that compute printed cells, draw a figure, or compute a supplementary
 # table.

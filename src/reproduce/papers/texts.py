@@ -45,7 +45,6 @@ class Fact:
     several numbers, `take` is the smallest, ``min``, or the largest, ``max``.
     """
 
-    value: Any = ""
     form: str = ""
     unit: str = ""
     zero: float = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from reproduce.printed.number import minus, quantity
+from reproduce.printed.number import minus
 
 if TYPE_CHECKING:
     from reproduce.papers.declare import Column, Fact
@@ -28,18 +28,6 @@ def entry(value: float | str, style: Column | Fact) -> str:
         return str(value)
     small, limit = abs(value) < style.zero, math.isinf(value)
     return "0" if small else "any" if limit else minus(f"{value:{style.form}}")
-
-
-def fact(quoted: Fact) -> str:
-    """Return a fact with its unit.
-
-    Examples
-    --------
-    >>> from reproduce.papers.declare import Fact
-    >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
-    ('0.04\u202fpx', 'Table 2')
-    """
-    return quantity(entry(quoted.value, quoted), quoted.unit)
 
 
 def digits(value: float, mcse: float) -> str:

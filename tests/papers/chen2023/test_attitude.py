@@ -5,7 +5,7 @@ import pytest
 from bench import ARCSEC, LASERS, SPOTS, TRACKER
 
 import reproduce as rp
-from reproduce.papers.chen2023 import attitude
+from book_facts import of_study
 from reproduce.papers.chen2023.platform import scatter
 from reproduce.physics.attitude import (
     emitted_directions,
@@ -43,7 +43,7 @@ def test_the_orders_of_the_product_are_those_of_simulated_transforms():
 
 def test_the_roll_is_worse_by_the_focal_length_over_the_size_of_the_pattern():
     """4,615 px over 24.1 px, and the distances of the spots from the best square."""
-    facts = attitude._orders.facts()
+    facts = of_study("chen2023/orders")
     arm = np.linalg.norm(SPOTS - SPOTS.mean(axis=0), axis=1).mean()
-    assert facts["roll"].value == pytest.approx(60e-3 / 13e-6 / arm, rel=0.02)
-    assert facts["misfit"].value == pytest.approx(0.10, abs=0.02)
+    assert facts["roll"] == pytest.approx(60e-3 / 13e-6 / arm, rel=0.02)
+    assert facts["misfit"] == pytest.approx(0.10, abs=0.02)

@@ -5,6 +5,7 @@ import pytest
 from bench import ARCSEC
 
 import reproduce as rp
+from book_facts import of_study
 from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import scatter
@@ -74,17 +75,12 @@ def test_the_differences_of_table_v_are_no_white_noise_of_means_over_a_state():
     )
 
 
-def values(study):
-    """Return the values of the facts of a study."""
-    return {name: fact.value for name, fact in study.facts().items()}
-
-
 def test_a_mean_with_the_ramp_would_lag_by_more_than_any_difference():
     """A stage in steps, smoothed and averaged image by image."""
     stage = np.repeat(np.array([0.0, -2.006, -4.046, -6.053, -8.0155]), 400)
     smoothed = np.convolve(stage, np.full(100, 0.01))[: stage.size]
     lags = smoothed.reshape(5, 400).mean(axis=1) - stage[::400]
-    facts = values(effectiveness._differences)
+    facts = of_study("chen2023/differences")
     assert facts["ramp-lag"] == pytest.approx(lags[1:].mean(), rel=1e-6)
     assert facts["mean"] == pytest.approx(0.003 / 8)
     assert facts["largest"] == pytest.approx(0.091)
@@ -93,7 +89,7 @@ def test_a_mean_with_the_ramp_would_lag_by_more_than_any_difference():
 
 def test_the_implied_focal_lengths_by_hand():
     """Extremes of eight quotients, their common interval, and the largest differences."""
-    facts = values(effectiveness._focal_lengths)
+    facts = of_study("chen2023/focal-lengths")
     for name, motion, angle in (
         ("printed-least", 19.99, 2.034),
         ("printed-most", 20.27, 2.006),

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import reproduce as rp
+from book_facts import of_study
 from reproduce.papers.chen2023 import satellite
 from reproduce.printed.inputs import load_inputs
 
@@ -56,10 +57,10 @@ def test_the_effects_of_heat_by_hand():
         accuracy * focal / (1e-6 * 22e-3),
     ]
     assert_allclose(rows.T, columns, rtol=1e-6)
-    heat, mirror = satellite._heat.facts(), satellite._dichroic.facts()
-    assert heat["flight"].value == pytest.approx(accuracy * 14.0 / 22e-9)
-    assert heat["bench"].value == pytest.approx(accuracy * 2.0 / 22e-9)
-    assert mirror["tolerance"].value == pytest.approx(0.15 / 2)
+    heat, mirror = of_study("chen2023/heat"), of_study("chen2023/dichroic")
+    assert heat["flight"] == pytest.approx(accuracy * 14.0 / 22e-9)
+    assert heat["bench"] == pytest.approx(accuracy * 2.0 / 22e-9)
+    assert mirror["tolerance"] == pytest.approx(0.15 / 2)
     rows = by_name(rp.table("chen2023/dichroic").frame())
     # In the plane of the light, it meets the mirror under 30 degrees: twice the cosine.
     factors = rows.iloc[:, 0].tolist()
