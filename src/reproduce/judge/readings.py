@@ -155,24 +155,28 @@ class Evaluation:
 @cache
 def evaluate(computation: Computation) -> Evaluation:
     """Compare the results of a computation with the printed cells under all its readings."""
-    stored = _stored(computation)
-    if not stored:
+    is_slow = computation.replicates and len(computation.readings) > 1
+    arrays, note = _study() if is_slow else ({}, {})
+    if computation.name not in note:
         return evaluate_readings(computation, computation.readings)
+    if note[computation.name] != fingerprint(computation):
+        raise _stale(f"{computation.name} has other inputs or options")
     literal = evaluate_readings(computation, computation.readings[:1])
     table, cells = library()[computation.key], {}
     for name, (reading,) in literal.cells.items():
+        known = arrays[f"{computation.name}:{name}"]
         # Without the error of the median, which may change more.
-        row, known = _row(reading)[:4], stored[name][0, :4]
+        row, first = _row(reading)[:4], known[0, :4]
         draws = _NOISE_DRAWS / computation.replicates
-        if not np.allclose(row, known, 1e-6, [0.0, 0.0, 0.0, draws]):
-            raise _stale(f"{computation.key}#{name} is {row}, stored {known.tolist()}")
+        if not np.allclose(row, first, 1e-6, [0.0, 0.0, 0.0, draws]):
+            raise _stale(f"{computation.key}#{name} is {row}, stored {first.tolist()}")
         # The stored numbers of the literal reading too: rounding noise must not split readings.
-        rows = zip(computation.readings, stored[name].tolist(), strict=True)
+        rows = zip(computation.readings, known.tolist(), strict=True)
         cells[name] = [
             judge_summary(table[name].number, choices, row, computation.replicates)
             for choices, row in rows
         ]
-    return Evaluation(computation, cells, stored["joint"])
+    return Evaluation(computation, cells, arrays[f"{computation.name}:joint"])
 
 
 def evaluate_readings(
@@ -234,22 +238,6 @@ def fingerprint(computation: Computation) -> str:
     options = [[*choices.items()] for choices in computation.readings]
     content = [options, inputs, printed, computation.replicates, computation.entropy]
     return studies.digest(json.dumps(content).encode())
-
-
-def _stored(computation: Computation) -> dict[str, _Array]:
-    """Return the stored results by cell; empty if the computation is not in the study."""
-    if not (computation.replicates and len(computation.readings) > 1):
-        return {}
-    arrays, note = _study()
-    recorded = note.get(computation.name)
-    if recorded not in {None, fingerprint(computation)}:
-        raise _stale(f"{computation.name} has other inputs or options")
-    lead = f"{computation.name}:"
-    return {
-        name.removeprefix(lead): array
-        for name, array in arrays.items()
-        if name.startswith(lead)
-    }
 
 
 @cache

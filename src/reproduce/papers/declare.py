@@ -28,7 +28,8 @@ from reproduce.papers.texts import ItemText
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
+from reproduce.printed.cells import find
+from reproduce.printed.inputs import ROOT_SEED, Inputs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -205,14 +206,12 @@ class Computation(PaperFunction):
 
         Options without a choice keep their literal alternative.
         """
-        # The first reading with the most choices.
-        chosen = max(
-            self.readings, key=lambda reading: len(reading.items() & choices.items())
-        )
-        options = {
-            option: {name: self.options[option][name]}
-            for option, name in chosen.items()
-        }
+        options = {}
+        for option, ways in self.options.items():
+            name = choices.get(option, "")
+            if name not in ways:
+                name = next(iter(ways))
+            options[option] = {name: ways[name]}
         return replace(self, options=options)
 
     def __call__(self, inputs: Inputs, replicates: int | None = None) -> dict[str, Any]:
@@ -381,7 +380,7 @@ def study(key: str) -> Study:
 
 def computation_for(address: str) -> Computation | None:
     """Return the computation of a printed cell; None for an input, words or a dash."""
-    cell = load_inputs([address]).cells[address]
+    cell = find(address)[0]
     made = (each for each in computations(cell.key) if each.makes(cell.name))
     return next(made, None) if cell.is_number else None
 
@@ -418,10 +417,10 @@ def upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
     """
     addresses: dict[str, None] = {}
     waiting = list(patterns)
-    while waiting:
-        for address, cell in load_inputs([waiting.pop(0)]).cells.items():
-            if address not in addresses and cell.is_number:
-                addresses[address] = None
-                above = None if cell.unpublished else computation_for(address)
+    for pattern in waiting:  # which grows
+        for cell in find(pattern):
+            if cell.address not in addresses and cell.is_number:
+                addresses[cell.address] = None
+                above = None if cell.unpublished else computation_for(cell.address)
                 waiting += above.inputs if above else ()
     return tuple(addresses)
