@@ -8,7 +8,6 @@ which the next release is compared.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 import shutil
@@ -26,6 +25,7 @@ from pack_book import build_wheel, write_zip
 from reproduce.judge.ledger import frozen
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import papers
+from reproduce.store.studies import digest
 from reproduce.version import (
     ADDRESS,
     AUTHORS,
@@ -225,14 +225,10 @@ def write_crate(folder: Path) -> None:
             text for end, text in FILES.items() if path.name.endswith(end)
         )
         properties = {"name": path.name, "description": what, "encodingFormat": form}
-        properties |= {"contentSize": str(path.stat().st_size), "sha256": digest(path)}
+        content = path.read_bytes()
+        properties |= {"contentSize": str(len(content)), "sha256": digest(content)}
         crate.add_file(path, path.name, properties=properties)
     crate.metadata.write(folder)
-
-
-def digest(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def make(html: Path, folder: Path) -> None:
@@ -247,7 +243,8 @@ def make(html: Path, folder: Path) -> None:
             shutil.copyfile(html / page, folder / page)
     write_crate(folder)
     sums = "".join(
-        f"{digest(path)}  {path.name}\n" for path in sorted(folder.iterdir())
+        f"{digest(path.read_bytes())}  {path.name}\n"
+        for path in sorted(folder.iterdir())
     )
     (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")
 

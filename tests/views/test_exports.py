@@ -21,14 +21,13 @@ from pybtex.database import parse_string
 import reproduce as rp
 from reproduce import version
 from reproduce.judge import ledger
-from reproduce.judge.ledger import record_of
+from reproduce.judge.ledger import item_ledger, record_of
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import verify as verifying
 from reproduce.views.citations import cite, identifiers, mark, statement
-from reproduce.views.computed import whole_ledger
 from reproduce.views.export import FORMATS
 from reproduce.views.verify import verify
 
@@ -66,7 +65,7 @@ def first_entry(address):
 
 
 def test_json_has_all_values_and_csv_has_the_layout_of_the_paper():
-    records, table = whole_ledger().of(KEY), rp.table(KEY)
+    records, table = item_ledger(KEY).records, rp.table(KEY)
     read = ledger.Ledger.model_validate_json(table.export("json"))
     assert read.records == records
     frame = read_csv(table.export("csv"), dtype=str, keep_default_na=False)
@@ -273,7 +272,7 @@ def test_figures_are_drawn_equal_and_mark_every_printed_value(tmp_path):
         line for axes in rp.figure("chen2023/table-4").drawn.axes for line in axes.lines
     ]
     marked = [line for line in lines if line.get_label().startswith("printed")]
-    records = [r for r in whole_ledger().of("chen2023/table-4") if r.unit == "arcsec"]
+    records = [r for r in item_ledger("chen2023/table-4").records if r.unit == "arcsec"]
     found = np.sort(np.concatenate([line.get_ydata() for line in marked]))
     ratios = sorted(float(r.printed) / r.computed for r in records)
     assert_allclose(found, ratios)

@@ -13,11 +13,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from simulated import SHIFT, star_table
 
 import reproduce as rp
+from reproduce.judge.ledger import item_ledger
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed, platform_of
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.computed import whole_ledger
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
 NOISE = "niu2024/text-simulation#noise"
@@ -48,7 +48,7 @@ def test_imports_are_lazy_and_names_stay_those_of_functions():
 
 def test_every_table_displays_itself_and_returns_its_frame():
     for key in library():
-        table, records = rp.table(key), whole_ledger().of(key)
+        table, records = rp.table(key), item_ledger(key).records
         text = repr(table)
         assert key in text
         assert width(text) <= 80

@@ -28,8 +28,7 @@ from reproduce.papers.texts import ItemText
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.cells import find
-from reproduce.printed.inputs import ROOT_SEED, Inputs
+from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -380,7 +379,7 @@ def study(key: str) -> Study:
 
 def computation_for(address: str) -> Computation | None:
     """Return the computation of a printed cell; None for an input, words or a dash."""
-    cell = find(address)[0]
+    cell = load_inputs([address]).cells[address]
     made = (each for each in computations(cell.key) if each.makes(cell.name))
     return next(made, None) if cell.is_number else None
 
@@ -418,9 +417,9 @@ def upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
     addresses: dict[str, None] = {}
     waiting = list(patterns)
     for pattern in waiting:  # which grows
-        for cell in find(pattern):
-            if cell.address not in addresses and cell.is_number:
-                addresses[cell.address] = None
-                above = None if cell.unpublished else computation_for(cell.address)
+        for address, cell in load_inputs([pattern]).cells.items():
+            if address not in addresses and cell.is_number:
+                addresses[address] = None
+                above = None if cell.unpublished else computation_for(address)
                 waiting += above.inputs if above else ()
     return tuple(addresses)

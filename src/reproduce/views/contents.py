@@ -195,7 +195,10 @@ def _entry(key: str) -> dict[str, Any]:
 
 def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     """Return a record for each item, with its number of cells by verdict."""
-    return [_entry(key) | verdicts.tally(ledger.of(key)) for key in listed]
+    return [
+        _entry(key) | verdicts.tally([r for r in ledger.records if r.key == key])
+        for key in listed
+    ]
 
 
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:

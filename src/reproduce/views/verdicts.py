@@ -250,7 +250,7 @@ def facts_of(name: str) -> dict[str, str]:
     if "#" in name:
         record = record_of(name)
         value = _with_unit(record, computed(record))
-        return {"printed": record.printed_cell.shown, "computed": value or "nothing"}
+        return {"printed": record.printed_cell.shown, "computed": value}
     ledger = item_ledger(name)
     facts = counts(ledger.records)
     for joint in ledger.tables:
