@@ -126,6 +126,16 @@ def test_a_supplementary_table_is_rerun_with_a_changed_input():
     assert re.search("= 7 m.*focal-ratio", words(repr(changed)))
 
 
+def test_data_of_figures_have_the_ends_of_error_bars_and_the_points_of_labels():
+    """Bars of an interval are drawn around 1; a label belongs to the largest magnitude."""
+    bars = rp.figure("chen2023/table-4").data.query("curve == 'curve 9' and panel == 1")
+    assert set(bars["y"] > 1) == {True, False}
+    assert set(bars["x"]) == set(np.array([1, 4, 16, 25, 49, 100]) * 0.92)
+    errors = rp.figure("niu2024/drawing-fusion-errors").data
+    labelled = errors[errors["curve"] == "green only"]
+    assert errors["x"].min() <= labelled["x"].item() <= errors["x"].max()
+
+
 def test_figures_have_data_and_are_rerun():
     plain, high = rp.figure("niu2024/fig-4"), "niu2024/text-simulation#range-x-high"
     wider = plain.rerun({high: "10 deg"})

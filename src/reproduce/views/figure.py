@@ -9,14 +9,14 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from html import escape
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
-from numpy.typing import ArrayLike
 
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
@@ -69,13 +69,20 @@ def _styled_figure(paint: _Paint, *, narrow: bool) -> MatplotlibFigure:
     return figure
 
 
-def _curves(axes: Axes) -> Iterator[tuple[str, ArrayLike]]:
-    """Yield the names and the points of the lines, collections and labels of a panel."""
-    drawn: list[tuple[object, ArrayLike]] = [
-        *((line.get_label(), line.get_xydata()) for line in axes.lines),
-        *((one.get_label(), one.get_offsets()) for one in axes.collections),
-        *((text.get_text(), text.get_position()) for text in axes.texts),
-    ]
+def _curves(axes: Axes) -> Iterator[tuple[str, Any]]:
+    """Yield the names and the points of the lines, areas, marks and labels of a panel."""
+    from matplotlib.collections import PathCollection, QuadMesh
+
+    drawn: list[tuple[object, Any]]
+    drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
+    for one in axes.collections:
+        paths: Any = (path.vertices for path in one.get_paths())
+        is_markers = isinstance(one, PathCollection)
+        points = one.get_offsets() if is_markers else [*chain.from_iterable(paths)]
+        if not isinstance(one, QuadMesh):  # an image has no points
+            drawn.append((one.get_label(), points))
+    # A label is next to its point.
+    drawn += [(t.get_text(), getattr(t, "xy", t.get_position())) for t in axes.texts]
     for number, (label, points) in enumerate(drawn, start=1):
         name = str(label)
         yield f"curve {number}" if name.startswith("_") else name, points
