@@ -170,8 +170,9 @@ class Html(Display):
             yield Text(plain(words)) if isinstance(words, str) else words
 
 
-def fold(summary: Entry, content: Display) -> Html:
-    """Return content that a page shows on demand."""
+def fold(summary: Entry, *blocks: Block) -> Html:
+    """Return blocks that a page shows on demand."""
+    content = Blocks(blocks)
     return Html(
         lambda: rendered("fold", summary=summary, content=content),
         Blocks((f"\n{plain(summary)}", content)),

@@ -17,7 +17,7 @@ import click
 from reproduce.physics.registration import MODELS
 from reproduce.store.files import DRAWS, FIGURES, check_target
 from reproduce.version import __version__
-from reproduce.views.blocks import printable
+from reproduce.views.blocks import Display, printable
 
 
 class _Shell(click.Group):
@@ -111,13 +111,13 @@ def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: shown.update(100 * done // total - shown.pos)
 
 
-def _show(as_json: bool, record: Callable[[], Any], write: Callable[[], None]) -> None:
-    """Print a record for programs, or write for a reader."""
+def _show(as_json: bool, record: Callable[[], Any], view: Display) -> None:
+    """Print a record for programs, or its view for a reader."""
     if as_json:
         click.echo(json.dumps(record(), indent=2, ensure_ascii=False))
         click.get_current_context().meta[_SHOWN] = True
     else:
-        write()
+        view.print()
 
 
 def _save(save: Callable[[Path], Any], out: Path) -> None:
@@ -227,7 +227,7 @@ def _contents(as_json: bool) -> None:
     from reproduce.views.contents import Contents
 
     listing = Contents()
-    _show(as_json, listing.entries, listing.listed.print)
+    _show(as_json, listing.entries, listing.listed)
 
 
 # The name of the command until version 0.2.
@@ -429,7 +429,7 @@ def _audit(paper: str | None, as_json: bool) -> None:
     from reproduce.views.consistency import ConsistencyAudit
 
     result = ConsistencyAudit(paper)
-    _show(as_json, result.as_json, result.print)
+    _show(as_json, result.as_json, result)
 
 
 @main.command("register")
@@ -495,7 +495,7 @@ def _register(
         scale, rotation, *shift = start
         settings["start"] = scale, math.radians(rotation), *shift
     fit = registers.register(**settings)
-    _show(as_json, fit.record, fit.print)
+    _show(as_json, fit.record, fit)
 
 
 @main.command("misalignment")
@@ -521,7 +521,7 @@ def _misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     from reproduce.views import measurements
 
     result = measurements.misalignment(file, **settings)
-    _show(as_json, result.record, result.print)
+    _show(as_json, result.record, result)
 
 
 @main.command("posterior")
@@ -587,7 +587,7 @@ def _posterior(
 
     if listed:
         result: Any = posteriors.posterior()
-        _show(as_json, result.titles, result.models.print)
+        _show(as_json, result.titles, result.models)
         return
     if name is None:
         raise click.UsageError("NAME: expected a posterior, got none. Use --list")
@@ -596,6 +596,6 @@ def _posterior(
         result.check_file(out)
     with _bar("sampling") as progress:
         result.sample(progress=progress)
-    _show(as_json, result.record, result.print)
+    _show(as_json, result.record, result)
     if out:
         _save(result.save, out)

@@ -15,7 +15,6 @@ from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (
     LOOKS,
     Block,
-    Blocks,
     Display,
     Grid,
     Html,
@@ -110,8 +109,7 @@ class Contents(Display):
             library=library(),
             verdicts=verdicts,
         )
-        lists = Blocks((self.listed, self.index))
-        return Html(wall), fold("The same in words", lists)
+        return Html(wall), fold("The same in words", self.listed, self.index)
 
 
 class Check(Display):

@@ -9,7 +9,6 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from html import escape
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 from xml.etree import ElementTree
@@ -73,18 +72,16 @@ def _curves(axes: Axes) -> Iterator[tuple[str, Any]]:
     """Yield the names and the points of the lines, areas, marks and labels of a panel."""
     from matplotlib.collections import PathCollection, QuadMesh
 
-    drawn: list[tuple[object, Any]]
-    drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
+    found: list[Any] = [(line.get_label(), line.get_xydata()) for line in axes.lines]
     for one in axes.collections:
-        paths: Any = (path.vertices for path in one.get_paths())
-        is_markers = isinstance(one, PathCollection)
-        points = one.get_offsets() if is_markers else [*chain.from_iterable(paths)]
+        paths = (np.asarray(path.vertices) for path in one.get_paths())
+        ends = [point for path in paths for point in path]
+        points = one.get_offsets() if isinstance(one, PathCollection) else ends
         if not isinstance(one, QuadMesh):  # an image has no points
-            drawn.append((one.get_label(), points))
+            found.append((one.get_label(), points))
     # A label is next to its point.
-    drawn += [(t.get_text(), getattr(t, "xy", t.get_position())) for t in axes.texts]
-    for number, (label, points) in enumerate(drawn, start=1):
-        name = str(label)
+    found += [(t.get_text(), getattr(t, "xy", t.get_position())) for t in axes.texts]
+    for number, (name, points) in enumerate(found, start=1):
         yield f"curve {number}" if name.startswith("_") else name, points
 
 

@@ -29,7 +29,7 @@ from reproduce.store.points import (
     covariances,
     read_table,
 )
-from reproduce.views.blocks import Block, Blocks, Display, Grid, fold
+from reproduce.views.blocks import Block, Display, Grid, fold
 from reproduce.views.measurements import RegistrationResult
 
 # Default of the largest distance of a pair: in px, and as a fraction of the field.
@@ -340,4 +340,4 @@ class PairedRegistration(RegistrationResult):
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks of a registration, and the log."""
         yield from super().blocks()
-        yield fold("Detection of the stars, and dropped pairs", Blocks(tuple(self.log)))
+        yield fold("Detection of the stars, and dropped pairs", *self.log)

@@ -92,9 +92,8 @@ class StudyTable(Rerunnable):
                 start = ", ".join(texts) + ": " * bool(texts)
                 for name in shown:
                     label, text = start + name, numbers.entry(new[name], known[name])
-                    nothing = None, None
-                    values = new[name], *nothing, old[name], *nothing
-                    yield label, label, "", text, *values
+                    ends = None, None  # not predicted
+                    yield label, label, "", text, new[name], *ends, old[name], *ends
 
         return Sweep(
             self.title, moved, values, compute, "values for the printed inputs"

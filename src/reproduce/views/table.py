@@ -22,7 +22,6 @@ from reproduce.views.base import Change, ItemView, ResultView, text_of
 from reproduce.views.blocks import (
     LOOKS,
     Block,
-    Blocks,
     Entry,
     Grid,
     Html,
@@ -297,8 +296,8 @@ class Table(ItemView, _Judged):
             whole = Html(lambda: self.readings.markup, listed)
             yield fold("All readings of the text", whole)
         if results:
-            judged = Blocks(tuple(_judged(table.place, results, shown)))
-            yield fold("How each cell was judged", judged)
+            judged = _judged(table.place, results, shown)
+            yield fold("How each cell was judged", *judged)
 
         yield Html(
             lambda: self._toolbar(anchor(self.key)),
