@@ -129,6 +129,10 @@ class Ledger(Frozen):
     citation: str = ""
     """how to cite an export, and the paper"""
 
+    def of(self, key: str) -> tuple[Record, ...]:
+        """Return the records of one item, in printed order."""
+        return tuple(record for record in self.records if record.key == key)
+
 
 def build(
     keys: Collection[str] = (),

@@ -21,7 +21,6 @@ from reproduce.papers.declare import (
     declarations,
 )
 from reproduce.physics.validate import Text, checked
-from reproduce.printed.cells import library
 from reproduce.printed.inputs import Inputs
 from reproduce.views import keys
 from reproduce.views.blocks import Display, rendered
@@ -108,7 +107,7 @@ class ItemView(ResultView):
 
         Its links lead to its `files`, and each of its functions has an anchor.
         """
-        return rendered("bar", item=self, name=name, cite=cite, library=library())
+        return rendered("bar", item=self, name=name, cite=cite)
 
 
 class Rerunnable(ItemView):

@@ -54,7 +54,8 @@ LOOKS: dict[str, dict[str, str]] = tomllib.loads(
 
 @cache
 def _templates() -> Environment:
-    from reproduce.printed.cells import anchor  # a fit of stars needs no printed number
+    # A fit of stars needs no printed number.
+    from reproduce.printed.cells import anchor, library
 
     folders = [
         PackageLoader("reproduce.views"),
@@ -67,7 +68,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= {"anchor": anchor, "looks": LOOKS}
+    made.globals |= {"anchor": anchor, "looks": LOOKS, "library": library}
     made.filters |= {
         "escaped": escaped,
         "tex": lambda text: in_tex(escaped(text)),

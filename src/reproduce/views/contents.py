@@ -10,7 +10,7 @@ from reproduce.judge.ledger import Ledger, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import drawing
-from reproduce.printed.cells import PAPERS, altered_files, library
+from reproduce.printed.cells import PAPERS, altered_files
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (
     LOOKS,
@@ -69,8 +69,9 @@ class Contents(Display):
         """Return one row per item: place, title and the number of cells by verdict."""
         import pandas as pd
 
-        frame = pd.DataFrame(_tallies(self.keys, self._ledger)).set_index("key")
-        return frame[["place", "title", *VERDICTS]]
+        rows = [_entry(key) | verdicts.tally(self._ledger.of(key)) for key in self.keys]
+        columns = ["key", "place", "title", *VERDICTS]
+        return pd.DataFrame(rows, columns=columns).set_index("key")
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -106,7 +107,6 @@ class Contents(Display):
             "wall",
             contents=self,
             records=self._ledger.records,
-            library=library(),
             verdicts=verdicts,
         )
         return Html(wall), fold("The same in words", self.listed, self.index)
@@ -191,18 +191,11 @@ def _entry(key: str) -> dict[str, Any]:
     }
 
 
-def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
-    """Return a record for each item, with its number of cells by verdict."""
-    return [
-        _entry(key) | verdicts.tally([r for r in ledger.records if r.key == key])
-        for key in listed
-    ]
-
-
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     """Return the number of cells by verdict, for a page also by paper."""
-    rows, columns = _tallies(listed, ledger), (*VERDICTS, "weak")
-    page = rendered("index", rows=rows, columns=columns, library=library())
+    rows = [_entry(key) | verdicts.tally(ledger.of(key)) for key in listed]
+    columns = *VERDICTS, "weak"
+    page = rendered("index", rows=rows, columns=columns)
     lines = [
         (row["key"], *(str(row[name] or "·") for name in columns))
         for row in (*rows, {"key": "all", **verdicts.tally(ledger.records)})
