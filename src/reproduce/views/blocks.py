@@ -31,6 +31,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from reproduce import version
 from reproduce.locate import data_folder
 from reproduce.printed.number import minus, powers
 from reproduce.views.tex import escaped, in_tex
@@ -68,7 +69,12 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= {"anchor": anchor, "looks": LOOKS, "library": library}
+    made.globals |= {
+        "anchor": anchor,
+        "looks": LOOKS,
+        "library": library,
+        "version": version,
+    }
     made.filters |= {
         "escaped": escaped,
         "tex": lambda text: in_tex(escaped(text)),

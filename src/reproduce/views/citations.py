@@ -151,7 +151,6 @@ def statement(record: Record, template: str = "statement.txt") -> str:
         printed=verdicts.printed(cell),
         value=recomputed(record),
         verdicts=verdicts,
-        version=version,
     )
 
 
@@ -188,7 +187,7 @@ def _written(
     """Return the entry of an address of the book, and the entries of its papers."""
     keys.check_choice("format", form, _FORMATS)
     if form == "sentence":
-        return written("related.txt", title=title, version=version)
+        return written("related.txt", title=title)
     element = address and keys.element(address)
     context = {
         "name": element.removeprefix("figure-") or "pointing",
@@ -196,7 +195,6 @@ def _written(
         "page": element and f"/goto.html#{element}",
         "archived": identifiers(address),
         "mark": mark,
-        "version": version,
     }
     if form == "text":
         # `verify` reads the statement of a cell between the year and the name of the software.

@@ -20,6 +20,10 @@ from reproduce.version import __version__
 from reproduce.views.blocks import Display, printable
 
 
+class _WriteError(click.ClickException):
+    """A file cannot be written, after the results are printed."""
+
+
 class _Shell(click.Group):
     """Commands whose output is UTF-8, and whose errors are one line.
 
@@ -36,7 +40,7 @@ class _Shell(click.Group):
             message = _message(error)
             if message is None:  # not an error of the input
                 raise
-            if as_json and _SHOWN not in ctx.meta:
+            if as_json and not isinstance(error, _WriteError):
                 record: dict[str, Any] = {"error": message}
                 if missed := getattr(error, "missed", ()):
                     record["steps_needed"] = getattr(error, "steps", None)
@@ -115,7 +119,6 @@ def _show(as_json: bool, record: Callable[[], Any], view: Display) -> None:
     """Print a record for programs, or its view for a reader."""
     if as_json:
         click.echo(json.dumps(record(), indent=2, ensure_ascii=False))
-        click.get_current_context().meta[_SHOWN] = True
     else:
         view.print()
 
@@ -125,9 +128,7 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
         save(out)
     except (OSError, RuntimeError) as error:  # the latter of netCDF
         reason = getattr(error, "strerror", "") or error
-        raise click.ClickException(
-            printable(f"cannot write {out}: {reason}")
-        ) from error
+        raise _WriteError(printable(f"cannot write {out}: {reason}")) from error
 
 
 def _item(address: str) -> Any:
@@ -145,8 +146,6 @@ def _item(address: str) -> Any:
     )
 
 
-# Key of the context's data which is set after a JSON document is printed.
-_SHOWN = "reproduce.shown"
 # A FITS file may have the name of an extension in brackets behind it.
 _FILE = click.Path(path_type=Path)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")

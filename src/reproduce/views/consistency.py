@@ -16,7 +16,6 @@ from reproduce.judge.ledger import entries, frozen, record_of
 from reproduce.papers.declare import Column
 from reproduce.printed.cells import PAPERS
 from reproduce.printed.number import minus, quantity, si_factor, symbol
-from reproduce.version import __version__
 from reproduce.views import numbers, verdicts
 from reproduce.views.blocks import (
     Block,
@@ -116,7 +115,6 @@ def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) ->
         entry=numbers.entry,
         style=_STYLE,
         replied=verdicts.replied,
-        version=__version__,
     )
     return Html(page, Grid.of(caption, columns, rows))
 

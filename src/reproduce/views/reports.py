@@ -9,7 +9,6 @@ from typing import Any
 
 import pandas as pd
 
-from reproduce import version
 from reproduce.judge.ledger import Record, item_ledger
 from reproduce.judge.rerun import options
 from reproduce.judge.verdicts import CENTRAL
@@ -84,7 +83,6 @@ def report(paper: str, form: str) -> dict[str, str]:
         "paper": paper,
         "results": results,
         "verdicts": verdicts,
-        "version": version,
         "whole": whole,
     }
     return {file: written(file, **values) for file in FORMS[form]}

@@ -84,10 +84,10 @@ class Changed(Display):
 
     def blocks(self) -> list[Grid]:
         """Return the numbers and the changes, without empty columns."""
-        result, value = self.result, "changed"
+        result, value, hidden = self.result, "changed", ""
         remark = "your setting, without a verdict"
         if result.is_reading:
-            value = "computed"
+            value, hidden = "computed", "unchanged"
             remark = "one reading of the text; the verdict of a cell is based on all readings"
         changes = result.changes | result.options
         caption = setting(f"{result.key} with", changes, result.replaced, remark)
@@ -102,15 +102,10 @@ class Changed(Display):
         heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
         rows = []
         for one in self.cells:
-            before, *numbers = one.texts
-            printed = (
-                one.cell.label,
-                minus(one.cell.text),
-                before * (not result.is_reading),
-            )
-            texts = (*printed, *numbers, one.verdict, one.cell.symbol)
+            cell = one.cell
+            texts = cell.label, minus(cell.text), *one.texts, one.verdict, cell.symbol
             rows.append(dict(zip(heads, texts, strict=True)))
-        return [Grid.of(caption, heads, rows)]
+        return [Grid.of(caption, [name for name in heads if name != hidden], rows)]
 
     def points(self) -> Iterator[Point]:
         """Yield the numbers of a step of a `Sweep`."""
