@@ -83,9 +83,11 @@ class Contents(Display):
         columns = ("Number", "Place", "Printed", "Computed", "Verdict", "Why")
         rows = []
         for record in self._ledger.records:
-            shown, cell = verdicts.texts(record), record.printed_cell
-            shown["number"] = link(cell.anchor, cell.label)
-            shown["place"] = f"{record.paper}, {record.place}"
+            cell = record.printed_cell
+            shown = verdicts.texts(record) | {
+                "number": link(cell.anchor, cell.label),
+                "place": f"{record.paper}, {record.place}",
+            }
             rows.append([shown[name.lower()] for name in columns])
         caption, kind = f"The {len(rows)} printed cells", "rp-small rp-sortable"
         return Grid(caption, columns, rows, kind=kind)

@@ -427,11 +427,12 @@ class Cell(_Judged):
 
     def blocks(self) -> list[Grid]:
         """Return a table with a row for each property of the cell."""
-        record, shown = self.record, verdicts.texts(self.record)
-        meaning = LOOKS[record.verdict]["meaning"]
-        shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
-        shown["inputs"] = Markup(", ").join(link(anchor(a), a) for a in self.inputs)
-        del shown["cell"]
-        lines = [(name, text) for name, text in shown.items() if text]
+        meaning = LOOKS[self.verdict]["meaning"]
+        shown = verdicts.texts(self.record) | {
+            "cell": "",  # in the head
+            "verdict": f"{verdicts.qualified(self.record)}: {meaning}",
+            "inputs": Markup(", ").join(link(anchor(a), a) for a in self.inputs),
+        }
+        lines = [line for line in shown.items() if line[1]]
         head = ("Cell", self.address)
         return [Grid(self._cell.label, head, lines, kind="rp-one")]

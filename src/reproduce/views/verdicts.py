@@ -82,11 +82,14 @@ def texts(record: Record) -> dict[str, Entry]:
             replied(known.erratum, known.answer),
         )
     if made := computation_for(record.cell):
-        paper, name = record.paper, made.function.__name__
-        function = link(f"function-{anchor(record.key)}-{name}", made.name)
-        equations = (link(f"equation-{paper}-{n}", f"({n})") for n in made.equations)
-        shown["function"] = Markup("{} ({})").format(function, made.line)
-        shown["equations"] = Markup(", ").join(equations)
+        place = f"function-{anchor(record.key)}-{made.function.__name__}"
+        equations = (
+            link(f"equation-{record.paper}-{n}", f"({n})") for n in made.equations
+        )
+        shown |= {
+            "function": Markup("{} ({})").format(link(place, made.name), made.line),
+            "equations": Markup(", ").join(equations),
+        }
         if made.replicates:
             seed = "{} of the project, {} of this function; {:,} replicates"
             shown["seed"] = seed.format(*made.entropy, made.replicates)
@@ -95,9 +98,11 @@ def texts(record: Record) -> dict[str, Entry]:
         text = f"{choices_text(closest.choices)}: {_read(record, closest)}"
         if p := _probability(closest):
             text = f"{text}, p = {p}".replace("= <", "<")
-        shown["readings that agree"] = f"{readings.agreeing} of {readings.count}"
-        shown["agrees with"] = deciding(readings)
-        shown["closest reading"] = text
+        shown |= {
+            "readings that agree": f"{readings.agreeing} of {readings.count}",
+            "agrees with": deciding(readings),
+            "closest reading": text,
+        }
     return shown
 
 
