@@ -93,9 +93,11 @@ class ItemView(ResultView):
     @property
     def source(self) -> str:
         """Source code of the functions that compute and draw it."""
-        made = declarations(self.key)
-        functions = (one.function for one in made if not isinstance(one, Schematic))
-        return "\n\n\n".join(map(text_of, functions))
+        return "\n\n\n".join(
+            text_of(made.function)
+            for made in declarations(self.key)
+            if not isinstance(made, Schematic)
+        )
 
     @property
     def files(self) -> Iterable[str]:

@@ -198,12 +198,13 @@ def _written(
     }
     if form == "text":
         # `verify` reads the statement of a cell between the year and the name of the software.
-        own = written("citation.txt", **context)
-        return "\n".join((own, *map(_in_text, cited)))
+        return "\n".join((written("citation.txt", **context), *map(_in_text, cited)))
     if form == "bibtex":
         context["title"] = in_tex(title.replace("^", r"\textasciicircum{}"))
-    text = written("citation.bib", **context)
-    entries = [Entry.from_string(text, "bibtex"), *map(_paper, cited)]
+    entries = [
+        Entry.from_string(written("citation.bib", **context), "bibtex"),
+        *map(_paper, cited),
+    ]
     if form == "bibtex":
         return "\n".join(entry.to_string("bibtex") for entry in entries).strip()
     items = [*map(_csl, entries)]

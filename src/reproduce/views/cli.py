@@ -108,9 +108,8 @@ def _pairs(
 @contextmanager
 def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
-    hidden = not sys.stderr.isatty()
     with click.progressbar(
-        length=100, label=label, file=sys.stderr, hidden=hidden
+        length=100, label=label, file=sys.stderr, hidden=not sys.stderr.isatty()
     ) as shown:
         yield lambda done, total: shown.update(100 * done // total - shown.pos)
 
@@ -138,12 +137,9 @@ def _item(address: str) -> Any:
     from reproduce.views.figure import Figure
     from reproduce.views.table import table
 
-    key = address.partition("#")[0]
-    return (
-        table(address)
-        if key in {*library(), *catalogue("studies")}
-        else Figure(address)
-    )
+    if address.partition("#")[0] in {*library(), *catalogue("studies")}:
+        return table(address)
+    return Figure(address)
 
 
 # A FITS file may have the name of an extension in brackets behind it.

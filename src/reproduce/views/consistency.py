@@ -131,13 +131,18 @@ def _relations(audits: Sequence[Audit]) -> _Part:
     """List the relations that do not simply agree, and the others in folds."""
     rows = [_relation(finding, audit) for audit in audits for finding in audit.findings]
     blocks: list[Block] = []
-    columns = ("name", "formula", "sides", "outcome", "source")
     for audit, group in product(audits, _GROUPS):
         group_rows = [r for r in rows if (r["paper"], _group(r)) == (audit.name, group)]
         caption = f"The {len(group_rows)} relations of {audit.name} that {group}"
-        table = _table("relations", caption, columns, group_rows)
-        folded = fold(caption, Html(table.markup))
-        blocks.append(table if group == _GROUPS[0] else folded)
+        table = _table(
+            "relations",
+            caption,
+            ("name", "formula", "sides", "outcome", "source"),
+            group_rows,
+        )
+        if group != _GROUPS[0]:
+            table = fold(caption, Html(table.markup))
+        blocks.append(table)
     return _Part(tuple(blocks), rows)
 
 

@@ -95,8 +95,11 @@ class Contents(Display):
     @property
     def listed(self) -> Grid:
         """The items and the supplementary tables, without verdicts."""
-        caption = "Items in printed order, then supplementary tables."
-        return Grid.of(caption, ("key", "place", "title"), self.entries())
+        return Grid.of(
+            "Items in printed order, then supplementary tables.",
+            ("key", "place", "title"),
+            self.entries(),
+        )
 
     @property
     def index(self) -> Html:
@@ -143,8 +146,9 @@ class Check(Display):
         listed: list[str] = []
         for key in items:
             listed += Contents(key).keys if key in PAPERS else [keys.check_key(key)]
-        ledger = build(listed, progress)
-        self.ledger = ledger.model_copy(update={"altered": altered_files()})
+        self.ledger = build(listed, progress).model_copy(
+            update={"altered": altered_files()}
+        )
         self.changed_verdicts = changed_verdicts(self.ledger)
 
     def __bool__(self) -> bool:
@@ -155,8 +159,9 @@ class Check(Display):
         """Return the cells whose verdict is not the frozen one."""
         import pandas as pd
 
-        columns = ["cell", "expected", "found"]
-        return pd.DataFrame(self.changed_verdicts, columns=columns)
+        return pd.DataFrame(
+            self.changed_verdicts, columns=["cell", "expected", "found"]
+        )
 
     def faults(self) -> list[str]:
         """Return a sentence for each change and its remedy."""

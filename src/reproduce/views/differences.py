@@ -34,8 +34,9 @@ def distances(papers: Collection[str]) -> pd.DataFrame:
                     f"{record.place.partition(',')[0]}: {record.printed_cell.label}"
                 )
                 distance = (low + high - lower - upper) / width
-                fields = record.cell, record.paper, number, record.agrees, distance
-                rows.append(fields)
+                rows.append(
+                    (record.cell, record.paper, number, record.agrees, distance)
+                )
     columns = ["name", "paper", "number", "agrees", "distance"]
     return pd.DataFrame(rows, columns=columns).sort_values("agrees", kind="stable")
 

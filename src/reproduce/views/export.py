@@ -39,8 +39,11 @@ def table_files(key: str) -> dict[str, str]:
 
 def provenance_of(cited: str = "", setting: str = "") -> dict[str, str]:
     """Return the provenance of an export: software, citation (of all by default), changes."""
-    found = {"software": software(), "citation": cited or cite("all", "text")}
-    return found | ({"setting": setting} if setting else {})
+    return {
+        "software": software(),
+        "citation": cited or cite("all", "text"),
+        **({"setting": setting} if setting else {}),
+    }
 
 
 def export_frame(

@@ -95,8 +95,9 @@ def _content(figure: _Drawn, form: str, note: str = "") -> bytes:
     subject, *dates = _METADATA[form]
     buffer = io.BytesIO()
     with style.context(_STYLE):
-        metadata = {subject: note, **dict.fromkeys(dates)}
-        figure.savefig(buffer, format=form, metadata=metadata)
+        figure.savefig(
+            buffer, format=form, metadata={subject: note, **dict.fromkeys(dates)}
+        )
     if form != "svg":
         return buffer.getvalue()
     # Pages contain many figures: no space between tags, and none at the ends of lines.
@@ -158,8 +159,9 @@ class Figure(Rerunnable):
             keys.check_key(self.key)
         if found := drawing(self.key):
             return found
-        listed = ", ".join(drawable())
-        raise ValueError(f"{self.key} has no figure; these have one: {listed}")
+        raise ValueError(
+            f"{self.key} has no figure; these have one: {', '.join(drawable())}"
+        )
 
     def compute(self, *, narrow: bool = False) -> _Drawn:
         """Draw the figure with its printed values, for a wide page or for a narrow one."""
@@ -189,8 +191,9 @@ class Figure(Rerunnable):
     @property
     def files(self) -> list[str]:
         """Its files below the root of the book, the data last."""
-        endings = (*self._endings, ".csv")
-        return [f"figures/{anchor(self.key)}{ending}" for ending in endings]
+        return [
+            f"figures/{anchor(self.key)}{ending}" for ending in (*self._endings, ".csv")
+        ]
 
     def vectors(self) -> list[str]:
         """Return it as SVG for a wide page; in a build also for a narrow page, drawn once."""
@@ -199,12 +202,13 @@ class Figure(Rerunnable):
 
         def make() -> list[str]:
             # A schematic fits wide and narrow pages.
-            is_schematic = isinstance(self.drawn, str)
-            narrow = [] if is_schematic else [self.compute(narrow=True)]
-            return _vectors_of(self.drawn, *narrow)
+            if isinstance(self.drawn, str):
+                return _vectors_of(self.drawn)
+            return _vectors_of(self.drawn, self.compute(narrow=True))
 
-        name = f"figure-{anchor(self.key)}.json"
-        return computed.cached(name, make, json.dumps, json.loads)
+        return computed.cached(
+            f"figure-{anchor(self.key)}.json", make, json.dumps, json.loads
+        )
 
     def frame(self) -> pd.DataFrame:
         """Return the lines, points and labels in the units of the axes, or of a view box."""
@@ -229,8 +233,11 @@ class Figure(Rerunnable):
     def save(self, path: str | Path) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, self._endings)
-        note = "\n".join(self.provenance.values())
-        content = _content(self.drawn, path.suffix[1:].lower(), note)
+        content = _content(
+            self.drawn,
+            path.suffix[1:].lower(),
+            "\n".join(self.provenance.values()),
+        )
         with replacing(path) as part:
             part.write_bytes(content)
         return path

@@ -27,8 +27,12 @@ def check_key(key: Text) -> str:
         raise KeyError(
             f"key: expected an item of a paper, got the supplementary table {key}"
         )
-    every = [*known, *catalogue("studies"), *catalogue("drawings")]
-    near = difflib.get_close_matches(key, every, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(
+        key,
+        [*known, *catalogue("studies"), *catalogue("drawings")],
+        n=3,
+        cutoff=0.5,
+    )
     hint = f"such as {', '.join(near)}, " if near else ""
     raise KeyError(
         f"key: expected a key of `reproduce contents`, {hint}got {key!r}. Correct the key"

@@ -68,8 +68,8 @@ class Readings(Display):
         )
         columns = {name: frame[name] for name in options(self.key) if name in frame}
         for name in (name for name in map(str, frame) if f"{name} agrees" in frame):
-            cell = table[name]
-            texts = frame[name].map(partial(cell.number.format, extra=1)).map(minus)
+            number = table[name].number
+            texts = frame[name].map(partial(number.format, extra=1)).map(minus)
             if f"{name} p" in frame:
                 texts = frame[f"{name} p"].map("{:.3g}".format)
             texts = texts.where(frame[name].notna(), "")
@@ -78,7 +78,11 @@ class Readings(Display):
         columns["cells that agree"] = frame["agreeing"].map(str)
         if "joint p" in frame:
             columns["joint p"] = frame["joint p"].map("{:.2g}".format)
-        rows = [*zip(*columns.values(), strict=True)]
         return [
-            Grid(caption, [*columns], rows, kind="rp-small rp-sortable rp-readings-all")
+            Grid(
+                caption,
+                [*columns],
+                [*zip(*columns.values(), strict=True)],
+                kind="rp-small rp-sortable rp-readings-all",
+            )
         ]

@@ -89,8 +89,12 @@ class Changed(Display):
         if result.is_reading:
             value, hidden = "computed", "unchanged"
             remark = "one reading of the text; the verdict of a cell is based on all readings"
-        changes = result.changes | result.options
-        caption = setting(f"{result.key} with", changes, result.replaced, remark)
+        caption = setting(
+            f"{result.key} with",
+            result.changes | result.options,
+            result.replaced,
+            remark,
+        )
         if any(one.interval for one in self.cells):
             caption += (
                 " From and to: the central 99 % of a prediction, or what rounded inputs "
@@ -176,8 +180,11 @@ class Sweep(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return one row per step and cell: value, central 99 % and unit."""
-        steps = [step.set_index("cell") for step in self.steps]
-        frame = pd.concat(steps, keys=self.settings, names=["setting"])
+        frame = pd.concat(
+            [step.set_index("cell") for step in self.steps],
+            keys=self.settings,
+            names=["setting"],
+        )
         return frame[["computed", "low", "high", "unit"]]
 
     def blocks(self) -> Iterator[Block]:
@@ -208,11 +215,15 @@ class Sweep(Display):
             panels[-1].set_xlabel(self.label)
 
         def page() -> str:
-            words = f"Graph of the computed values against {self.label}."
             shown = self.caption.replace("In brackets", "Bars")
             caption, graph = f"{shown} Dashed: the {self.dashed}.", ""
             if len(labels) <= _MAX_PANELS:
-                graph = figure_block(self.name, paint, words, caption).markup
+                graph = figure_block(
+                    self.name,
+                    paint,
+                    f"Graph of the computed values against {self.label}.",
+                    caption,
+                ).markup
             return rendered("sweep", sweep=self, grid=grid.markup, graph=graph)
 
         yield Html(page, grid)

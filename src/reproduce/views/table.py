@@ -209,8 +209,8 @@ class Table(ItemView, _Judged):
             self[name]
 
         def compute(step: Change) -> Iterator[Point]:
-            result = self.rerun(step, replicates=replicates).result
-            return Changed(result, cells).points()
+            changed = self.rerun(step, replicates=replicates)
+            return Changed(changed.result, cells).points()
 
         return Sweep(self._printed.place, address, values, compute)
 
@@ -245,9 +245,14 @@ class Table(ItemView, _Judged):
             places = [cell.place for cell in table.cells]
             if len({*places}) > 1:
                 frame["place"] = places
-        caption = f"{table.place}. {table.title}."
-        legend = written("legend.txt", records=records)
-        return export_frame(frame, form, self.provenance, self.key, caption, legend)
+        return export_frame(
+            frame,
+            form,
+            self.provenance,
+            self.key,
+            caption=f"{table.place}. {table.title}.",
+            legend=written("legend.txt", records=records),
+        )
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and sources."""
@@ -285,19 +290,27 @@ class Table(ItemView, _Judged):
             yield verdicts.joint_sentence(joint)
         shown = [verdicts.texts(record) for record in results]
         if readings := [row for row in shown if "closest reading" in row]:
-            agreeing = "readings that agree", "agrees with", "closest reading"
             yield Grid.of(
                 f"Readings of {table.place}, cell by cell",
-                ("cell", "printed", *agreeing),
+                (
+                    "cell",
+                    "printed",
+                    "readings that agree",
+                    "agrees with",
+                    "closest reading",
+                ),
                 readings,
                 kind="rp-small rp-readings",
             )
-            listed = f'rp.table("{self.key}").readings lists them'
-            whole = Html(lambda: self.readings.markup, listed)
+            whole = Html(
+                lambda: self.readings.markup,
+                f'rp.table("{self.key}").readings lists them',
+            )
             yield fold("All readings of the text", whole)
         if results:
-            judged = _judged(table.place, results, shown)
-            yield fold("How each cell was judged", *judged)
+            yield fold(
+                "How each cell was judged", *_judged(table.place, results, shown)
+            )
 
         yield Html(
             lambda: self._toolbar(anchor(self.key)),
@@ -349,8 +362,8 @@ def _judged(
     reasons = [row for row, one in zip(rows, records, strict=True) if not one.agrees]
     if reasons:
         yield _grouped(f"Reasons, {place}", ["verdict", "why"], reasons)
-    made = ["function", "equations", "seed"]
-    yield Html(_grouped(f"What computes {place}", made, rows).markup)
+    made = _grouped(f"What computes {place}", ["function", "equations", "seed"], rows)
+    yield Html(made.markup)
 
 
 def _grouped(caption: str, columns: list[str], rows: list[dict[str, Entry]]) -> Grid:
@@ -422,8 +435,9 @@ class Cell(_Judged):
         if form != "csv":
             (grid,) = self.blocks()
             frame = pd.DataFrame(grid.rows, columns=[*grid.head]).map(plain)
-        caption = f"{self._cell.label}."
-        return export_frame(frame, form, self.provenance, self.address, caption)
+        return export_frame(
+            frame, form, self.provenance, self.address, f"{self._cell.label}."
+        )
 
     def blocks(self) -> list[Grid]:
         """Return a table with a row for each property of the cell."""
@@ -434,5 +448,4 @@ class Cell(_Judged):
             "inputs": Markup(", ").join(link(anchor(a), a) for a in self.inputs),
         }
         lines = [line for line in shown.items() if line[1]]
-        head = ("Cell", self.address)
-        return [Grid(self._cell.label, head, lines, kind="rp-one")]
+        return [Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one")]

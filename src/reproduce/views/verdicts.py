@@ -91,8 +91,11 @@ def texts(record: Record) -> dict[str, Entry]:
             "equations": Markup(", ").join(equations),
         }
         if made.replicates:
-            seed = "{} of the project, {} of this function; {:,} replicates"
-            shown["seed"] = seed.format(*made.entropy, made.replicates)
+            project, function = made.entropy
+            shown["seed"] = (
+                f"{project} of the project, {function} of this function; "
+                f"{made.replicates:,} replicates"
+            )
     if readings := record.readings:
         closest = readings.closest
         text = f"{choices_text(closest.choices)}: {_read(record, closest)}"
@@ -122,8 +125,7 @@ def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
     """Return an interval of a record; empty if it is open or a point."""
     if not ends or None in ends or len({*ends}) == 1:
         return ""
-    number = record.printed_cell.number
-    texts = (number.format(end or 0.0, extra=1) for end in ends)
+    texts = (record.printed_cell.number.format(end or 0.0, extra=1) for end in ends)
     return _with_unit(record, " to ".join(texts))
 
 
