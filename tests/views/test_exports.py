@@ -98,6 +98,7 @@ def test_latex_is_balanced(key):
     """Every row has the columns of the table; braces, mathematics and environments close."""
     text = rp.table(key).export("latex")
     assert text.isascii()
+    assert "nan &" not in text
     label = rf"\label{{tab:{anchor(key)}}}"
     assert (label in text) is (key in library())
     body = "\n".join(line for line in text.splitlines() if line[:1] != "%")
@@ -327,7 +328,7 @@ def test_panels_are_saved_and_changed_together(tmp_path):
     ]
     paths = [tmp_path / f"fig-11{panel}.svg" for panel in "ab"]
     assert panels.save(tmp_path / "fig-11.svg") == paths == sorted(tmp_path.iterdir())
-    with pytest.raises(CannotChangeError, match=r"^nothing: "):
+    with pytest.raises(CannotChangeError, match=r"^changes: .*nothing"):
         panels.rerun({"nothing": "1"})
 
 
@@ -336,7 +337,7 @@ def test_fits_and_figures_name_the_software(tmp_path):
     text = fit.export("csv")
     software, cited = version.software(), cite("all", "text").splitlines()[0]
     assert text.startswith(f"# software: {software}\n# citation: {cited}\n")
-    assert len(read_csv(text)) == len(fit.frame())
+    assert [*read_csv(text)["parameter"]] == [*fit.frame().index]
     figure = rp.figure("niu2024/fig-4")
     cited = figure.cite("text").splitlines()[1]
     svg, png, pdf = (figure.save(tmp_path / f"a.{e}") for e in ("svg", "png", "pdf"))

@@ -56,22 +56,24 @@ def export_frame(
 ) -> str:
     """Write any DataFrame as csv, json, latex or markdown.
 
-    Its provenance is a comment before the rows; in JSON it is next to the rows, and an infinite
-    number is the text ``inf``. In LaTeX the table of an address has a caption with citations. A
-    legend is below it, also in Markdown.
+    The names of the rows are columns if their index has a name. The provenance is a comment before
+    the rows; in JSON it is next to the rows, and an infinite number is the text ``inf``. In LaTeX
+    the table of an address has a caption with citations. A legend is below it, also in Markdown.
     """
     check_choice("format", form, FORMATS)
+    if any(frame.index.names):
+        frame = frame.reset_index()
     comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
         # Words are quoted, since an address contains the sign of a comment.
         return indent(comment, "# ") + str(
             frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
         )
+    objects = frame.astype(object).where(frame.notna(), None)
     if form == "json":
-        objects = frame.astype(object).where(frame.notna(), None)
         rows = objects.replace({math.inf: "inf", -math.inf: "-inf"}).to_dict("records")
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
-    lines = [[*frame.columns], *frame.to_numpy().tolist()]
+    lines = [[*frame.columns], *objects.fillna("").to_numpy().tolist()]
     texts = {"caption": caption, "legend": legend, "comment": comment}
     if form == "markdown":
         return written("table.md", lines=lines, **texts)
