@@ -182,12 +182,15 @@ class UnconvergedError(ArithmeticError):
     ----------
     missed : list of str
         Failures, the worst one first.
+    taken : int
+        Number of kept steps.
     steps : int or None
         Sufficient number of steps by the measured autocorrelation, if more steps help.
     """
 
     def __init__(self, factors: dict[str, float], taken: int) -> None:
         super().__init__(factors, taken)
+        self.taken = taken
         self.missed = sorted(factors, key=factors.__getitem__, reverse=True)
         hundreds = np.ceil(_STEPS_MARGIN * factors[self.missed[0]] * taken / 100)
         self.steps = int(hundreds) * 100 if np.isfinite(hundreds) else None
