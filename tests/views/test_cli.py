@@ -86,7 +86,7 @@ def test_check_ends_with_one_and_names_changed_verdicts_and_inputs(
 REJECTED = {
     "niu2024/table-3": ["check niu2024/tabel-3", "cite niu2024/tabel-3"],
     "--set": [f"show {TABLE} --set noise"],
-    "--option": [f"show {TABLE} --option noise"],
+    "--option": [f"show {TABLE} --option noise", f"show {TABLE} --option changes=1"],
     "seed": [f"figure {FIGURE} --seed 1 --out x.svg"],
     "angle": [f"show {TABLE} --option angle=square"],
     "only once": [

@@ -274,7 +274,10 @@ class Parameter:
         try:
             if not isinstance(prior, Prior):
                 ends = prior.split(",") if isinstance(prior, str) else prior
-                low, high = map(float, ends)
+                bounds = [*map(float, ends)]
+                if len(bounds) != 2:
+                    raise ValueError(f"expected low and high, got {bounds}")
+                low, high = bounds
                 prior = Uniform(low, high, "bounds given by the user")
             if isinstance(self.prior, LogUniform) or self.natural == 0:
                 prior = prior.above_zero()

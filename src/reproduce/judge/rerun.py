@@ -160,7 +160,8 @@ def _check_randomness(
     ):
         expected = f"None, since {key} draws no random numbers"
         if random:
-            expected = f"a whole number from {least} to {greatest:,}"
+            expected = f"a whole number from {least}"
+            expected += f" to {greatest:,}" if greatest < math.inf else " up"
             if (
                 isinstance(number, int | np.integer)
                 and not isinstance(number, bool)

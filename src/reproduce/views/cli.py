@@ -304,6 +304,10 @@ def _show_item(
     """
     item = _item(address)
     settings = {name: number for name, number in numbers.items() if number is not None}
+    if names := options.keys() & {"self", "changes", *numbers}:
+        raise click.UsageError(
+            f"--option {min(names)}: expected an option of the text. Leave it out"
+        )
     if changes or options or settings:
         item = item.rerun(changes, **settings, **options)
     item.print()
