@@ -23,6 +23,7 @@ from reproduce.views.blocks import (
     Display,
     Grid,
     Html,
+    code,
     fold,
     rendered,
 )
@@ -122,9 +123,9 @@ def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) ->
 def _score(audits: Sequence[Audit]) -> _Part:
     """Count the checked numbers, relations and equations of each paper."""
     rows: list[_Row] = [{"name": audit.name, **audit.score} for audit in audits]
-    return _Part(
-        (Grid.of("The consistency checks", rows[0], rows, kind="rp-score"),), rows
-    )
+    shown = [{"Paper": code(audit.name), **audit.score} for audit in audits]
+    caption = "The consistency checks"
+    return _Part((Grid.of(caption, shown[0], shown, kind="rp-score"),), rows)
 
 
 def _relations(audits: Sequence[Audit]) -> _Part:

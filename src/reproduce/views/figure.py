@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.charts import NARROW
@@ -322,16 +323,16 @@ class Panels(Display, list[Figure]):
         CannotChangeError
             If no panel has the input, or no panel draws random numbers.
         """
-        changes = dict(changes or {})
-        known = {name for panel in self for name in panel.inputs}
+        changes = changes or {}
+        if unknown := set(changes).difference(*(panel.inputs for panel in self)):
+            raise CannotChangeError(
+                f"changes: expected inputs of the panels, got {', '.join(map(str, unknown))}. "
+                "`inputs` of each panel lists them."
+            )
         fixed = any(panel.random for panel in self)
         return Panels(
             panel.rerun(
-                {
-                    name: text
-                    for name, text in changes.items()
-                    if name in panel.inputs or name not in known
-                },
+                {name: changes[name] for name in changes if name in panel.inputs},
                 seed=None if fixed and not panel.random else seed,
             )
             for panel in self

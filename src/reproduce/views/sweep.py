@@ -173,7 +173,7 @@ class Sweep(Display):
             for step in steps
         ]
         self.label, self.dashed = ", ".join(cell.label for cell in cells), dashed
-        self.caption = f"{place}, for each value of {self.label}."
+        self.caption = f"{place}. Changed: {self.label}."
         if self.frame()["low"].notna().any():
             self.caption += " In brackets: the central 99 % of the prediction."
         self.name = f"sweep-{anchor('-'.join(names))}"
