@@ -44,8 +44,6 @@ SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 DURATION = "chen2023/text-accuracy#duration"
 _RATE = "chen2023/text-accuracy#frame-rate"
 COUNTS = "chen2023/table-4#*.frames"
-# A row has the name of its printed number of frames, also if the number is changed.
-_ROWS = load_inputs([COUNTS]).array(COUNTS).astype(int)
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 INPUTS = (*INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
 # Floor of the dotted line in the figure, three sigma: the bound of the paper on its differences.
@@ -74,7 +72,12 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
     )
     counts = [int(count) for count in inputs.array(COUNTS)]
     scatter = np.stack([scatter_of_averages(one, counts) for one in angles])
-    return by_cell("{2}.{0}-{1}", SIGMAS * scatter, _MATRICES, "xy", _ROWS)
+    return by_cell("{2}.{0}-{1}", SIGMAS * scatter, _MATRICES, "xy", _rows())
+
+
+def _rows() -> list[str]:
+    """Return the names of the rows, the printed numbers of frames, also if one is changed."""
+    return [f"{count:.0f}" for count in load_inputs([COUNTS]).array(COUNTS)]
 
 
 def time_per_frame(inputs: Inputs) -> float:
@@ -136,7 +139,7 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     panels = two_panels(figure, 3.8, 5.8, "printed over predicted (ratio)")
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):
         for axis, look, shift in (("x", "C0o", 0.92), ("y", "C1s", 1.08)):
-            cells = (predicted[f"{row}.{matrix}-{axis}"] for row in _ROWS)
+            cells = (predicted[f"{row}.{matrix}-{axis}"] for row in _rows())
             low, median, high = central_range(cells)
             values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift
