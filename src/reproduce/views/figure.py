@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
+from threading import RLock
 from typing import TYPE_CHECKING, Any, TypeAlias
 from xml.etree import ElementTree
 
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
+# The style of matplotlib is common to all threads.
+_LOCK = RLock()
 _XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
 # Names of the provenance and of dates in the metadata of each format.
 _METADATA = {
@@ -61,7 +64,7 @@ def _styled_figure(paint: _Paint, *, narrow: bool) -> MatplotlibFigure:
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    with style.context([_STYLE, _SMALL] if narrow else _STYLE):
+    with _LOCK, style.context([_STYLE, _SMALL] if narrow else _STYLE):
         figure = MatplotlibFigure(
             figsize=(NARROW, 3.2) if narrow else None, layout="constrained"
         )
@@ -95,10 +98,9 @@ def _content(figure: _Drawn, form: str, note: str = "") -> bytes:
         return (_XML + figure.replace("<title>", title, 1)).encode()
     subject, *dates = _METADATA[form]
     buffer = io.BytesIO()
-    with style.context(_STYLE):
-        figure.savefig(
-            buffer, format=form, metadata={subject: note, **dict.fromkeys(dates)}
-        )
+    with _LOCK, style.context(_STYLE):
+        metadata = {subject: note, **dict.fromkeys(dates)}
+        figure.savefig(buffer, format=form, metadata=metadata)
     if form != "svg":
         return buffer.getvalue()
     # Pages contain many figures: no space between tags, and none at the ends of lines.
