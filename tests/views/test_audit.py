@@ -121,7 +121,9 @@ def test_an_erratum_shows_its_verdicts_and_the_values_that_each_pair_requires():
 
 def test_numbers_agree_if_the_intervals_of_print_and_result_overlap():
     """State 4: 60.66 printed, 60.36 computed, with half a digit of one and of two positions."""
-    rows = rp.audit()["differences"].frame()
+    part = rp.audit()["differences"]
+    rows = part.frame()
+    assert "Table 2: Translation, y, Red" in repr(part)
     assert (rows["distance"].abs() <= 1).equals(rows["agrees"])
     assert rows["distance"]["chen2023/table-5#4.motion-y"] == pytest.approx(
         0.30 / 0.015

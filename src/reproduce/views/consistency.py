@@ -257,7 +257,15 @@ def _differences(audits: Sequence[Audit]) -> _Part:
     from reproduce.views import differences  # it loads the figures
 
     found = differences.distances([audit.name for audit in audits])
-    return _Part((differences.differences_block(found),), found.to_dict("records"))
+    rows = found.to_dict("records")
+    words = Grid.of(
+        "Distances of numbers that differ, in units of the largest distance that agrees",
+        ("paper", "number", "distance"),
+        [row for row in rows if not row["agrees"]],
+        digits=2,
+    )
+    graph = differences.differences_block(found)
+    return _Part((Html(graph.markup, words),), rows)
 
 
 _PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {
