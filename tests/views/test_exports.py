@@ -439,6 +439,7 @@ def test_citations_have_the_address_and_the_doi_of_a_published_book(monkeypatch)
         rp.table(STUDY),
         rp.figure("niu2024/fig-2"),
         rp.figure("niu2024/drawing-channels"),
+        rp.posterior("averaging-x"),
     ):
         anchor = json.loads(view.cite("csl"))[0]["URL"].partition("#")[2]
         assert f' id="{anchor}"' in view._repr_html_()

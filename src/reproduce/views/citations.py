@@ -188,7 +188,7 @@ def _written(
     keys.check_choice("format", form, _FORMATS)
     if form == "sentence":
         return written("related.txt", title=title)
-    element = address and keys.element(address)
+    element = keys.element(address)
     context = {
         "name": element.removeprefix("figure-") or "pointing",
         "title": title,

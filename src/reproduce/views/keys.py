@@ -66,14 +66,14 @@ def place(key: str) -> str:
 
 
 def element(address: str) -> str:
-    """Return the anchor of an item or a cell on its page.
+    """Return the anchor of an item, a cell or a posterior on its page.
 
     Examples
     --------
     >>> element("niu2024/fig-4"), element("chen2023/heat"), element("niu2024/table-2#scale.red")
     ('figure-niu2024-fig-4', 'study-chen2023-heat', 'niu2024-table-2-scale-red')
     """
-    if address.partition("#")[0] in library():
+    if address.partition("#")[0] in library() or "/" not in address:
         return anchor(address)
     kind = "study" if address in catalogue("studies") else "figure"
     return f"{kind}-{anchor(address)}"
