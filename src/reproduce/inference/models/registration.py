@@ -262,11 +262,18 @@ class GaussianRegistration(Likelihood):
         generator = default_rng(_NOISE_SEED)
         registered = self.right.fit.transform.apply(source)
         outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
-        off = self.places(parameters, source) - registered
-        displacement = np.hypot(*off[:, outermost].T)
-        off += parameters[:, 4, None, None] * generator.normal(size=off.shape)
-        # As in niu2024 (26), both axes together.
-        rmse = np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1))
+
+        def errors(rows: FloatArray) -> FloatArray:
+            off = self.places(rows, source) - registered
+            displacement = np.hypot(*off[:, outermost].T)
+            off += rows[:, 4, None, None] * generator.normal(size=off.shape)
+            # As in niu2024 (26), both axes together.
+            return np.stack(
+                [np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)), displacement]
+            )
+
+        parts = map(errors, self.parts(parameters))
+        rmse, displacement = np.concatenate([*parts], axis=-1)
         return {
             "test points, RMSE": Quantity(rmse, "px"),
             "test points, pointing error": Quantity(rmse * arcsec_per_px, "arcsec"),
