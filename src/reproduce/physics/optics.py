@@ -572,13 +572,16 @@ def fit_camera(
     # One row per coordinate, with the columns of F, m F^3 and both coordinates of the point.
     design = np.concatenate([columns, origin], axis=-1)
     design = design.reshape(*columns.shape[:-3], -1, 4)
+    # Columns of length one have a rank at any size of the field.
+    lengths = np.linalg.norm(design, axis=-2, keepdims=True)
+    design /= np.maximum(lengths, np.finfo(float).tiny)
     if (np.linalg.matrix_rank(design, rtol=1e-12) < 4).any():
         raise DegenerateGeometryError(
             "directions: expected slopes that determine focal length and distortion, got equal "
             "slopes or only two points. Rotate the table to angles near and far from zero"
         )
     observed = points.reshape(*points.shape[:-2], -1, 1)
-    linear = (np.linalg.pinv(design) @ observed)[..., 0]
+    linear = (np.linalg.pinv(design) @ observed / lengths.mT)[..., 0]
     focal, cubic = np.moveaxis(linear[..., :2], -1, 0)
     valid("points", focal, focal > 0, "axes that give a positive focal length")
     return Camera(focal, linear[..., 2:], cubic / focal**3, pixel_pitch, rotation)
