@@ -97,8 +97,8 @@ class Changed(Display):
         )
         if any(one.interval for one in self.cells):
             caption += (
-                " From and to: the central 99 % of a prediction, or what rounded inputs "
-                "allow if nothing is random."
+                " From and to: the central 99 % of a prediction, or under a reading what rounded "
+                "inputs allow."
             )
         if result.is_reading:
             for joint in item_ledger(result.key, **result.options).tables:
