@@ -56,8 +56,6 @@ _SQUARED_SPACINGS = {
     "hexagonal, rows along x": (0.25, 0.75),
     "hexagonal, rows along y": (0.75, 0.25),
 }
-# Numbers of spacings in the range whose mean spacing is the step, for the printed range.
-_DIVISIONS = ((16, 15), (20, 12))
 # Offsets in half spacings of the points along a row, and of the rows.
 _OFFSETS = {
     "centred": (0, 0),
@@ -122,28 +120,27 @@ def arrangement_angles(
     # Points of a chequered grid are two spacings apart along a row.
     along = 1 if lattice.startswith("square") else 2
     x, y = (2 * half / spacing).astype(int) + 2
-    j, i = np.mgrid[-y : y + 1, -x : x + 1].reshape(2, -1)
+    indices = np.mgrid[-x : x + 1, -y : y + 1].T.reshape(-1, 2)
     origin = -half
     if offset != _CORNER:
         origin = spacing * _OFFSETS[offset] * [along, 1] / 2
-    nodes = origin + spacing * np.stack([i, j], axis=-1)
+    nodes = origin + spacing * indices
     inside = _windows(nodes, half)
-    selected = ((i + j) % along == 0) & inside["rectangle"] & inside[window]
-    return nodes[selected]
+    kept = indices.sum(axis=1) % along == 0
+    return nodes[kept & inside["rectangle"] & inside[window]]
 
 
 def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:
     """Return the spacings of the fine grid of every lattice, shape (2,)."""
-    nearest = 2 * half / np.maximum(1, np.rint(2 * half / step))
-    stretched = "stretched to the edges"
+    width = 2 * half
+    nearest = width / np.maximum(1, np.rint(width / step))
     return {
         **{name: step * np.sqrt(square) for name, square in _SQUARED_SPACINGS.items()},
-        f"square, {stretched}": nearest,
-        f"quincunx, {stretched}, spacings nearest the step": nearest,
-        **{
-            f"quincunx, {stretched} in {m} by {n} spacings": 2 * half / [m, n]
-            for m, n in _DIVISIONS
-        },
+        "square, stretched to the edges": nearest,
+        "quincunx, stretched to the edges, spacings nearest the step": nearest,
+        # Numbers of spacings whose mean spacing is the step, for the printed range.
+        "quincunx, stretched to the edges in 16 by 15 spacings": width / [16, 15],
+        "quincunx, stretched to the edges in 20 by 12 spacings": width / [20, 12],
     }
 
 
@@ -566,8 +563,8 @@ def fit_camera(
     (0.02, array([50., 60.]))
     """
     slopes = turned_onto_detector(ideal_positions(directions, 1.0), rotation)
-    squared = np.square(slopes).sum(axis=-1, keepdims=True)
-    columns = np.stack([slopes, slopes * squared], axis=-1) / pixel_pitch
+    bent = radial_displacements(slopes, 1.0)
+    columns = np.stack([slopes, bent], axis=-1) / pixel_pitch
     origin = np.broadcast_to(np.eye(2), columns.shape)
     # One row per coordinate, with the columns of F, m F^3 and both coordinates of the point.
     design = np.concatenate([columns, origin], axis=-1)
