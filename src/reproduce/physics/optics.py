@@ -320,7 +320,12 @@ def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArra
     across, along = np.split(directions, [2], axis=-1)
     # Nearer to the focal plane, the position overflows.
     front = along[..., 0] > 1e-9 * np.abs(across).max(axis=-1)
-    valid("directions", along[..., 0], front, "stars in front of the camera")
+    valid(
+        "directions",
+        along[..., 0],
+        front,
+        "light from in front, with Z well above zero",
+    )
     return focal_length[..., None, None] * (across / along)
 
 

@@ -27,6 +27,7 @@ from reproduce.physics.attitude.angles import (
     misalignment_angles,
 )
 from reproduce.physics.attitude.rotations import attitude, rotation_from_vector, unit
+from reproduce.physics.optics import ideal_positions
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
@@ -135,15 +136,8 @@ def received_spots(
     >>> received_spots([[-0.6, 0.0, 0.8]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[13., 10.]])
     """
-    pixels = (focal_length / pixel_pitch)[..., None, None]
-    return principal_point[..., None, :] - pixels * _slopes(directions)
-
-
-def _slopes(directions: FloatArray) -> FloatArray:
-    """Return X / Z and Y / Z of directions in front of an instrument."""
-    depth = directions[..., 2]
-    valid("directions", depth, depth > 0, "light from in front, with Z above zero")
-    return directions[..., :2] / depth[..., None]
+    offsets = ideal_positions(directions, focal_length / pixel_pitch)
+    return principal_point[..., None, :] - offsets
 
 
 def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
@@ -248,7 +242,7 @@ class Platform:
                [0.75, 0.  ]])
         """
         return cls(
-            lasers=-_slopes(directions),
+            lasers=-ideal_positions(directions, 1.0),
             camera_focal_length=1.0,
             tracker_focal_length=tracker_focal_length,
             pixel_pitch=pixel_pitch,
