@@ -118,14 +118,7 @@ def imaged_position(
     >>> imaged_position([[0, 0, -0.5]], [7378137.0, 0, 0], down).round()
     array([[6378137.,       0.,       0.]])
     """
-    return _seen(vectors, satellite, earth_from_camera)[2]
-
-
-def _seen(
-    vectors: FloatArray, satellite: FloatArray, chain: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return unit lines of sight, Earth-fixed, their lengths, and their ends on the ground."""
-    line = unit("vectors", -(vectors @ chain.mT))
+    line = unit("vectors", -(vectors @ earth_from_camera.mT))
     origin = satellite[..., None, :]
     # In units of the semi-axes the ellipsoid is a sphere of radius one.
     start, sight = origin / EARTH_AXES, line / EARTH_AXES
@@ -143,7 +136,7 @@ def _seen(
             "direction. Check the sign of the boresight and the order of the rotations"
         )
     reach = height / (approach + np.sqrt(discriminant))
-    return line, reach, origin + reach[..., None] * line
+    return origin + reach[..., None] * line
 
 
 @checked
@@ -177,19 +170,19 @@ def ground_jacobian(
     >>> derivatives["turn"][0, :, 1].round(3) + 0.0
     array([      0.,       0., 1000000.])
     """
-    sight, reach, position = _seen(vectors, satellite, earth_from_camera)
-    # The projection along the line of sight onto the tangent plane.
+    position = imaged_position(vectors, satellite, earth_from_camera)
+    # The projection along the line of sight s onto the tangent plane.
+    sight = position - satellite[..., None, :]
     normal = position / EARTH_AXES**2
     steep = np.vecdot(normal, sight)[..., None, None]
     slide = np.eye(3) - sight[..., None] * normal[..., None, :] / steep
-    far = slide * reach[..., None, None]
     matrix = earth_from_camera[..., None, :, :]
-    # A rotation t changes the line by t × u, so du = (R t) × u for a rotation about camera axes,
-    # and a row r of the projection gives r · du = (u × r) · R t.
-    by_turn = np.cross(sight[..., None, :], far) @ matrix
+    # A rotation t changes the line by t × s, so ds = (R t) × s for a rotation about camera axes,
+    # and a row r of the projection gives r · ds = (s × r) · R t.
+    by_turn = np.cross(sight[..., None, :], slide) @ matrix
     # Along the line the projection vanishes, so the image vector needs no projection.
-    lengths = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    by_image = -far @ matrix / lengths
+    lengths = np.linalg.norm(sight, axis=-1) / np.linalg.norm(vectors, axis=-1)
+    by_image = slide @ matrix * -lengths[..., None, None]
     return position, {"satellite": slide, "turn": by_turn, "image": by_image}
 
 
