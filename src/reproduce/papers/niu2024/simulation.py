@@ -312,11 +312,9 @@ def registration_rmse(
         transforms = _calibrated(measured, table)
     before = points[:, 1:]
     both = np.stack([before, transforms.apply(before)], axis=1)
-    axes = np.moveaxis(rmse_per_axis(both, points[:, None, :1]), -1, 0)
-    if rmse in {"x", "y"}:
-        values = axes["xy".index(rmse)]
-    else:
-        values = np.hypot(*axes) / (1.0 if rmse == "both" else np.sqrt(2))
+    x, y = np.moveaxis(rmse_per_axis(both, points[:, None, :1]), -1, 0)
+    whole = np.hypot(x, y)
+    values = {"both": whole, "one": whole / np.sqrt(2), "x": x, "y": y}[rmse]
     return by_cell("rmse-{}-{}", values, ("before", "after"), REGISTERED)
 
 
