@@ -9,6 +9,7 @@ from book_facts import of_study
 from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import scatter
+from reproduce.physics.attitude import shared_zero_chi_square
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 
@@ -61,7 +62,7 @@ def test_the_differences_are_tested_together_with_the_shared_zero_state():
     printed = np.array([-0.040, 0.073, 0.024, -0.072])
     covariance = 0.02**2 * (np.eye(4) + 1)
     by_hand = printed @ np.linalg.solve(covariance, printed)
-    found = effectiveness._shared_zero_chi_square(printed, 0.02)
+    found = shared_zero_chi_square(printed / 0.02)
     assert found == pytest.approx(by_hand)
 
 

@@ -14,7 +14,12 @@ from numpy.random import Generator
 from scipy.special import expit
 
 from reproduce.inference import Estimate, Likelihood, Quantity
-from reproduce.physics.attitude import moving_average, scatter_of_averages, stage_angle
+from reproduce.physics.attitude import (
+    moving_average,
+    scatter_of_averages,
+    shared_zero_chi_square,
+    stage_angle,
+)
 from reproduce.physics.validate import FloatArray
 
 
@@ -112,9 +117,7 @@ class StageAngles(Likelihood):
         """Return the log likelihood of the printed and of the interchanged order, (2, n)."""
         focal_length, noise = parameters.T[..., None, None, None]
         scaled = (self.angles - stage_angle(self._both, focal_length)) / noise
-        # The inverse of the covariance, one plus the matrix of ones.
-        shared = scaled.sum(axis=-1) ** 2 / (self.angles.shape[1] + 1)
-        squares = (np.square(scaled).sum(axis=-1) - shared).sum(axis=-1)
+        squares = shared_zero_chi_square(scaled).sum(axis=-1)
         return -squares.T / 2 - self.angles.size * np.log(parameters[:, 1])
 
     def __call__(self, parameters: FloatArray) -> FloatArray:

@@ -43,7 +43,7 @@ from reproduce.papers.declare import (
     reproduces,
     studied,
 )
-from reproduce.physics.attitude import stage_angle
+from reproduce.physics.attitude import shared_zero_chi_square, stage_angle
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
@@ -383,14 +383,6 @@ def _focal_lengths(inputs: Inputs) -> Rows:
     yield from zip(names, *columns, strict=True)
 
 
-def _shared_zero_chi_square(
-    differences: FloatArray, sigma: FloatArray | float
-) -> FloatArray:
-    """Return chi-square of each column, whose differences contain the noise of one zero state."""
-    mean_square = differences.sum(axis=0) ** 2 / (len(differences) + 1)
-    return (np.square(differences).sum(axis=0) - mean_square) / sigma**2
-
-
 def _test_facts(inputs: Inputs) -> dict[str, float]:
     """Return the mean and the largest difference, and a lag.
 
@@ -433,5 +425,5 @@ def _differences(inputs: Inputs) -> Rows:
         # About X and Y.
         accurate = inputs.array(f"chen2023/table-4#{row}.misalignment-?")[::-1]
         sigma = accurate / SIGMAS / np.sqrt(averaged)
-        chi_square = _shared_zero_chi_square(differences, sigma).sum()
+        chi_square = shared_zero_chi_square((differences / sigma).T).sum()
         yield name, chi_square, differences.size, chdtrc(differences.size, chi_square)

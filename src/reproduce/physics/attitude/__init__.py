@@ -19,6 +19,7 @@ from reproduce.physics.attitude.averaging import (
     averaged_error,
     moving_average,
     scatter_of_averages,
+    shared_zero_chi_square,
     stability,
 )
 from reproduce.physics.attitude.monitoring import monitored

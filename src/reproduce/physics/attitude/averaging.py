@@ -255,6 +255,29 @@ def stability(times: _Series, series: _Angles) -> Stability:
     return Stability(rate, np.sqrt(covariance[0, 0]), *columns)
 
 
+def shared_zero_chi_square(differences: FloatArray) -> FloatArray:
+    """Return chi-square of differences of angles that contain the noise of one zero state.
+
+    Parameters
+    ----------
+    differences : ndarray, shape (..., states)
+        Differences of the states from the zero state, over the standard deviation of an angle.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Chi-square, with one degree of freedom for each state.
+
+    Examples
+    --------
+    >>> float(shared_zero_chi_square(np.ones(3)))
+    0.75
+    """
+    # The inverse of the covariance, one plus the matrix of ones.
+    shared = differences.sum(axis=-1) ** 2 / (differences.shape[-1] + 1)
+    return np.square(differences).sum(axis=-1) - shared
+
+
 @checked
 def averaged_error(
     count: Positive, single: NonNegative, floor: NonNegative = 0.0
