@@ -15,6 +15,7 @@ from reproduce.papers.chen2023.platform import (
     square_ratio,
 )
 from reproduce.papers.declare import Rows, studied
+from reproduce.physics.registration import rmse
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -30,11 +31,10 @@ def _platform_facts(inputs: Inputs) -> dict[str, float]:
     designed = as_designed(inputs)
     ratio = square_ratio(designed)
     scaled = replace(designed, lasers=ratio * designed.lasers)
-    off = scaled.spots - scaled.predicted(np.zeros(3))
     x, _, z = angle_sigma(inputs, 1, 1)
     return {
         "square-smaller": 100 * (1 - ratio),
-        "misfit": np.sqrt(np.square(off).sum(axis=-1).mean()),
+        "misfit": rmse(scaled.spots, scaled.predicted(np.zeros(3))),
         "roll": z / x,
     }
 
