@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
-from numpy.typing import NDArray
 
 from reproduce.inference import diagnostics
 from reproduce.inference.diagnostics import Summary
 from reproduce.inference.model import LogUniform, Model, Uniform
 from reproduce.inference.modes import Modes, two_modes
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import FloatArray, IntArray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +109,7 @@ class PosteriorSamples:
         return rows
 
     @cached_property
-    def selected(self) -> tuple[NDArray[np.int64], FloatArray]:
+    def selected(self) -> tuple[IntArray, FloatArray]:
         """Numbers and values of some of `draws` per ensemble, (n,), (ensembles, n, d).
 
         Their number is smaller for many observations.

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from reproduce.printed.number import PrintedNumber
 
+_FloatArray = NDArray[np.float64]
 Verdict = Literal["input", "exact", "consistent", "differs", "ambiguous", "unpublished"]
 # In the order in which readers see them.
 VERDICTS: tuple[Verdict, ...] = (*get_args(Verdict)[1:], "input")
@@ -165,7 +166,7 @@ def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
 
 def judge_prediction(
     printed: PrintedNumber,
-    draws: NDArray[np.float64],
+    draws: _FloatArray,
     choices: Mapping[str, str] = {},
 ) -> Reading:
     """Compare a predicted distribution with a printed random or measured number.
@@ -259,7 +260,7 @@ def judge_summary(
     )
 
 
-def central_interval(draws: NDArray[np.float64]) -> tuple[float, float]:
+def central_interval(draws: _FloatArray) -> tuple[float, float]:
     """Return the bounds of the central 99 % of draws, in which a printed number is consistent."""
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
@@ -267,7 +268,7 @@ def central_interval(draws: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def joint_probability(
-    draws: NDArray[np.float64], intervals: NDArray[np.float64]
+    draws: _FloatArray, intervals: _FloatArray
 ) -> tuple[float, float]:
     """Return the probability of cells as far from the prediction as the printed ones.
 

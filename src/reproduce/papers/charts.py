@@ -7,7 +7,7 @@ follows the text of the page.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +16,12 @@ from reproduce.papers.declare import Result
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    import matplotlib.axes
+    import matplotlib.figure
 
+# Only a computation that draws loads matplotlib.
+Axes: TypeAlias = "matplotlib.axes.Axes"
+Figure: TypeAlias = "matplotlib.figure.Figure"
 # Width in inches that a phone of 390 CSS pixels shows in full.
 NARROW = 3.7
 # Ends of the central 99 % and of the central 95 %, with the median.

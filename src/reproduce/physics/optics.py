@@ -25,9 +25,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import (
+    BoolArray,
     DegenerateGeometryError,
     Directions,
     FloatArray,
@@ -144,7 +145,7 @@ def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:
     }
 
 
-def _windows(nodes: FloatArray, half: FloatArray) -> dict[str, NDArray[np.bool_]]:
+def _windows(nodes: FloatArray, half: FloatArray) -> dict[str, BoolArray]:
     """Return the nodes that each window contains, as masks."""
     # Distance from the centre by the order of its norm, and the distance of the border.
     norms = {

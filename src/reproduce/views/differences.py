@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from reproduce.papers.charts import set_size
+from reproduce.papers.charts import Figure, set_size
 from reproduce.views.blocks import Html
 from reproduce.views.computed import whole_ledger
 from reproduce.views.figure import figure_block
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def distances(papers: Collection[str]) -> pd.DataFrame:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from reproduce.papers.charts import set_size
+from reproduce.papers.charts import Axes, Figure, set_size
 from reproduce.physics.validate import FloatArray
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Draws of quantities by their names.
 _Draws = Mapping[str, FloatArray]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from math import isclose
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,7 @@ from pandas.api.types import is_list_like
 
 from reproduce.judge.ledger import item_ledger
 from reproduce.judge.rerun import Rerun
-from reproduce.papers.charts import set_size
+from reproduce.papers.charts import Figure, set_size
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.number import minus, quantity
 from reproduce.printed.quantity import si_value
@@ -21,9 +21,6 @@ from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.figure import figure_block
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # A number of a step: entries of the columns of a sweep.
 Point = tuple[Any, ...]

@@ -14,7 +14,6 @@ from typing import Self
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.special import expit
 
 from reproduce.inference import (
@@ -32,7 +31,7 @@ from reproduce.physics.registration import (
     as_points,
     fit_problem,
 )
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import BoolArray, FloatArray
 
 # Steps of Newton's method for the inverse distortion. Each doubles the number of correct digits.
 _NEWTON_STEPS = 4
@@ -155,7 +154,7 @@ class MixtureRegistration(GaussianRegistration):
         return self.with_target(np.where(wrong[:, None], anywhere, right))
 
     @cached_property
-    def agreeing(self) -> NDArray[np.bool_]:
+    def agreeing(self) -> BoolArray:
         """The stars that the robust fit does not reject, (points,)."""
         return fit_problem(self.problem, robust=True).weights > 0
 

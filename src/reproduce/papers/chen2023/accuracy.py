@@ -8,12 +8,11 @@ the second group is one constant rotation and is not part of its scatter.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers.charts import (
+    Figure,
     central_range,
     legend_below,
     set_log_ticks,
@@ -35,9 +34,6 @@ from reproduce.papers.declare import (
 from reproduce.physics.attitude import averaged_error, scatter_of_averages
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FRAMES = "chen2023/text-accuracy#frames"
 SMOOTHED = "chen2023/text-accuracy#smoothing-frames"

@@ -7,13 +7,13 @@ floor is a sum over a grid.
 from __future__ import annotations
 
 from functools import cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import softmax
 
 from reproduce.papers.charts import (
     LEVELS,
+    Figure,
     legend_below,
     plot_band,
     set_log_ticks,
@@ -28,9 +28,6 @@ from reproduce.physics.attitude import averaged_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _MARKS = ("chen2023/table-4#*.misalignment-x", "chen2023/table-4#*.misalignment-y")
 _FRAME_INPUTS = (

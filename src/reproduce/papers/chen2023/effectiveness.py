@@ -15,12 +15,10 @@ A supplementary table compares the focal lengths that the rows imply.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
-from reproduce.papers.charts import set_size
+from reproduce.papers.charts import Figure, set_size
 from reproduce.papers.chen2023.accuracy import (
     DURATION,
     FRAMES,
@@ -47,9 +45,6 @@ from reproduce.physics.attitude import shared_zero_chi_square, stage_angle
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _QUOTED = "chen2023/text-effectiveness#focal-length"
 BOUND = "chen2023/text-effectiveness#difference-bound"

@@ -19,14 +19,13 @@ results, are:
 from __future__ import annotations
 
 from functools import cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from reproduce.papers.charts import legend_below, set_size, two_panels
+from reproduce.papers.charts import Figure, legend_below, set_size, two_panels
 from reproduce.papers.chen2023.accuracy import (
     DURATION,
     FRAMES,
@@ -67,9 +66,6 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.store.measured import bright_stars
 from reproduce.units import ARCSEC_PER_RADIAN
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _WINDOW = "chen2023/text-platform#window-x"
 _POSITIONS = "chen2023/table-5#*.position-?"

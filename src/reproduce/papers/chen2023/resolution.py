@@ -27,12 +27,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
-from reproduce.papers.charts import legend_below, set_log_ticks, set_size
+from reproduce.papers.charts import Axes, Figure, legend_below, set_log_ticks, set_size
 from reproduce.papers.chen2023.platform import (
     PIXEL,
     SIGMAS,
@@ -57,10 +57,6 @@ from reproduce.physics.images import (
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SPOT_RADIUS = "chen2023/text-resolution#spot-radius"
 _WINDOW = "chen2023/text-resolution#window-x"

@@ -7,14 +7,13 @@ distribution.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.special import chndtrix
 
 from reproduce.inference import models
 from reproduce.papers.charts import (
     LEVELS,
+    Figure,
     legend_below,
     plot_band,
     set_log_ticks,
@@ -27,9 +26,6 @@ from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INPUTS = simulation.INPUTS
 _COUNT = "niu2024/text-simulation#angle-count"

@@ -29,13 +29,11 @@ precision. No verdict uses them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 from numpy.typing import ArrayLike
 
-from reproduce.papers.charts import legend_below, plot_range, set_size
+from reproduce.papers.charts import Figure, legend_below, plot_range, set_size
 from reproduce.papers.declare import (
     Results,
     Rows,
@@ -62,9 +60,6 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _REPLICATES = 10_000
 _TABLE = "niu2024/table-4"
@@ -310,6 +305,10 @@ def _draw_residuals(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     noise = rmse_after(inputs).values()
     axes.plot([*noise], above, "C2^", mfc="none", label="after, assumed noise")
     axes.axvline(1.0, c="k", ls=":", lw=1, label="one pixel")
-    axes.set(xlabel="RMSE (px)", xlim=(0, None))
-    axes.set_yticks(rows, ("red, x", "red, y", "blue, x", "blue, y"))
+    axes.set(
+        xlabel="RMSE (px)",
+        xlim=(0, None),
+        yticks=rows,
+        yticklabels=("red, x", "red, y", "blue, x", "blue, y"),
+    )
     legend_below(figure, 3)

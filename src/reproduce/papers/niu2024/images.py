@@ -17,13 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from scipy.ndimage import maximum_position
 
-from reproduce.papers.charts import set_size
+from reproduce.papers.charts import Figure, set_size
 from reproduce.papers.declare import Rows, draws, studied
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS
@@ -48,9 +47,6 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.store import studies
 from reproduce.store.measured import spectra
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INPUTS = (
     *experiment.INSTRUMENT,

@@ -13,12 +13,12 @@ noise is larger by the square root of two.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
 from reproduce.inference import LogUniform, Model, Prior, Quantity, Uniform, models
-from reproduce.papers.charts import set_size
+from reproduce.papers.charts import Figure, set_size
 from reproduce.papers.declare import Rows, draws, item_text, studied
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.simulation import CHANNELS, REGISTERED, ROWS
@@ -27,9 +27,6 @@ from reproduce.physics.optics import Camera, channel_centroids
 from reproduce.physics.registration import RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # Table and kind of its data, cells of the test points and of the residuals (with a place for the
 # channel), instrument and its printed numbers with those of the positions, and measurements that
@@ -175,5 +172,8 @@ def _draw_scales(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         axes.errorbar(value, -height, xerr=2 * error, fmt=look, capsize=3)
     axes.axvline(0.0, color="k", linewidth=1)
     labels = [f"{channel}: {name}" for channel, name, *_ in rows]
-    axes.set_yticks(-np.arange(len(rows)), labels)
-    axes.set_xlabel("scale minus cameras (ppm)")
+    axes.set(
+        xlabel="scale minus cameras (ppm)",
+        yticks=-np.arange(len(rows)),
+        yticklabels=labels,
+    )

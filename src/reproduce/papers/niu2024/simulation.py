@@ -25,13 +25,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
-from numpy.typing import NDArray
 
-from reproduce.papers.charts import plot_range, set_size
+from reproduce.papers.charts import Figure, plot_range, set_size
 from reproduce.papers.declare import (
     Results,
     by_cell,
@@ -47,11 +45,8 @@ from reproduce.physics.registration import (
     fit_registration,
     rmse_per_axis,
 )
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import FloatArray, IntArray
 from reproduce.printed.inputs import Inputs
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 NOISE = "niu2024/text-simulation#noise"
 CHANNELS = ("green", "red", "blue")
@@ -147,7 +142,7 @@ def instrument(inputs: Inputs, source: str = "table-1") -> list[Camera]:
     return instrument_of(inputs, "niu2024/table-1", "niu2024/table-2", principal)
 
 
-def _zero_positions(angles: FloatArray) -> NDArray[np.intp]:
+def _zero_positions(angles: FloatArray) -> IntArray:
     """Return the indices of the zero position among angles of shape (n, 2)."""
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 

@@ -12,12 +12,12 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.special import gammaincinv
 
 from reproduce.physics.validate import (
     FloatArray,
+    IntArray,
     NonNegative,
     Positive,
     checked,
@@ -168,8 +168,8 @@ class Stability:
 
     rate: FloatArray
     rate_error: FloatArray
-    counts: NDArray[np.int64]
-    averages: NDArray[np.int64]
+    counts: IntArray
+    averages: IntArray
     deviations: FloatArray
 
     @property
@@ -178,7 +178,7 @@ class Stability:
         return self.deviations.min(axis=0)
 
     @property
-    def reached(self) -> NDArray[np.int64]:
+    def reached(self) -> IntArray:
         """Number of frames in the best average, shape (k,)."""
         return self.counts[self.deviations.argmin(axis=0)]
 

@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import (
+    BoolArray,
     FloatArray,
     number_array,
 )
@@ -196,7 +197,7 @@ def _zero_point(images: FloatArray) -> FloatArray:
 
 def _measured(
     name: str, images: FloatArray, zero: FloatArray, platform: Platform
-) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
+) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Return which images have two lights, their angles since a zero point, and their response."""
     seen = np.asarray(np.isfinite(images).all(axis=-1))
     usable = seen.sum(axis=-1) > 1

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
 from reproduce.physics.registration._similarity import closed_similarity
@@ -20,7 +20,7 @@ from reproduce.physics.registration.transforms import (
     Registration,
     _parameter_names,
 )
-from reproduce.physics.validate import FloatArray, Point, Points, Weights
+from reproduce.physics.validate import FloatArray, IntArray, Point, Points, Weights
 
 _MAX_STEPS = 60
 # Root mean square movement at which the iteration stops, in px.
@@ -29,7 +29,7 @@ _LAST_MOVEMENT = 1e-11
 _MIN_EIGENVALUE = 1e-13
 
 
-def thinned(count: int, limit: int) -> slice | NDArray[np.intp]:
+def thinned(count: int, limit: int) -> slice | IntArray:
     """Return at most `limit` of `count` rows, spread evenly."""
     return (
         slice(None) if count <= limit else np.linspace(0, count - 1, limit).astype(int)
