@@ -33,8 +33,9 @@ from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 if TYPE_CHECKING:
     import pandas as pd
 
-# A float, or draws as an array of shape (replicates,), in SI units. The same index is the same
-# replicate in every cell of a table, so that the cells keep their correlation.
+# A float, or draws as an array of shape (replicates,), in SI units; a fact has its displayed unit.
+# The same index is the same replicate in every cell of a table, so that the cells keep their
+# correlation.
 Result = float | FloatArray
 Results = Mapping[str, Result]
 # Rows of a supplementary table.

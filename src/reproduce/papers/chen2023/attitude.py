@@ -14,7 +14,7 @@ from reproduce.papers.chen2023.platform import (
     scatter,
     square_ratio,
 )
-from reproduce.papers.declare import Rows, studied
+from reproduce.papers.declare import Results, Rows, studied
 from reproduce.physics.registration import rmse
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -22,7 +22,7 @@ from reproduce.units import ARCSEC_PER_RADIAN
 _PRINTED = "chen2023/table-4#1.transform-?"
 
 
-def _platform_facts(inputs: Inputs) -> dict[str, float]:
+def _platform_facts(inputs: Inputs) -> Results:
     """Return size and shape of the printed square of spots, and the error of the roll.
 
     In per cent smaller than the design, root mean square distance from a square of this size in px,

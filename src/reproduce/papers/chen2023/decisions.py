@@ -23,7 +23,7 @@ from reproduce.papers.chen2023.accuracy import COUNTS, FRAMES
 from reproduce.papers.chen2023.effectiveness import FRAMES_PER_STATE
 from reproduce.papers.chen2023.platform import SIGMAS
 from reproduce.papers.chen2023.published import averaging
-from reproduce.papers.declare import Rows, draws, studied
+from reproduce.papers.declare import Results, Rows, draws, studied
 from reproduce.physics.attitude import averaged_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -66,7 +66,7 @@ def _averages(inputs: Inputs, axis: str, counts: FloatArray) -> FloatArray:
     return _quantiles(errors, weights=weights) * ARCSEC_PER_RADIAN
 
 
-def _frame_facts(inputs: Inputs) -> dict[str, float]:
+def _frame_facts(inputs: Inputs) -> Results:
     """Return frames at which the floor equals the white noise, and the white noise of a state."""
     knees = {}
     for axis in "xy":

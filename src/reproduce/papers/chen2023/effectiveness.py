@@ -335,7 +335,7 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
     return -motions / np.tan(angles) * 1e3
 
 
-def _implied_facts(inputs: Inputs) -> dict[str, float]:
+def _implied_facts(inputs: Inputs) -> Results:
     """Return the range of focal lengths that agrees with all rows, and differences.
 
     The largest differences are between monitored angles and reference angles: the printed ones with
@@ -378,7 +378,7 @@ def _focal_lengths(inputs: Inputs) -> Rows:
     yield from zip(names, *columns, strict=True)
 
 
-def _test_facts(inputs: Inputs) -> dict[str, float]:
+def _test_facts(inputs: Inputs) -> Results:
     """Return the mean and the largest difference, and a lag.
 
     The lag is the lag of a mean over the smoothed angles of a whole state, with its ramp.

@@ -92,7 +92,7 @@ def _error_fields(
     }
 
 
-def _facts(inputs: Inputs) -> dict[str, float]:
+def _facts(inputs: Inputs) -> Results:
     """Return effects on the scales, the noise over both axes, and the angle of a pixel.
 
     Effects on the fitted scales of the simulation are multiples of their scatter. The noise of two

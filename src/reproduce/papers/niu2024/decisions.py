@@ -19,7 +19,7 @@ from reproduce.papers.charts import (
     set_log_ticks,
     set_size,
 )
-from reproduce.papers.declare import Rows, by_cell, draws, studied
+from reproduce.papers.declare import Results, Rows, by_cell, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
@@ -93,7 +93,7 @@ def _sufficient(inputs: Inputs) -> FloatArray:
     return np.ceil(np.exp(logs))
 
 
-def _star_facts(inputs: Inputs) -> dict[str, float]:
+def _star_facts(inputs: Inputs) -> Results:
     """Return errors at the edge for the printed number of stars, and sufficient numbers."""
     count = inputs.count(_COUNT)
     [plain], [free], neglected = _at_edge(inputs, np.array([count]))

@@ -23,7 +23,7 @@ from numpy.random import Generator, SeedSequence
 from scipy.ndimage import maximum_position
 
 from reproduce.papers.charts import Figure, set_size
-from reproduce.papers.declare import Rows, draws, studied
+from reproduce.papers.declare import Results, Rows, draws, studied
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS
 from reproduce.physics.images import (
@@ -208,7 +208,7 @@ def _stored() -> studies.StoredStudy:
     return studies.read("niu2024-fusion")
 
 
-def _facts(inputs: Inputs) -> dict[str, float | str]:
+def _facts(inputs: Inputs) -> Results:
     """Return the gain in the signal-to-noise ratio, and the number of trials."""
     arrays, note = _stored()
     single, _, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
