@@ -31,7 +31,7 @@ ARROWS = {
 # The same between the subpackages of physics, which also import the validation of input and units.
 SUBPACKAGES = {
     "optics": {"optics"},
-    "attitude": {"attitude"},
+    "attitude": {"attitude", "optics"},
     "images": {"images"},
     "registration": {"registration", "optics"},
     "raytrace": {"raytrace", "attitude"},
