@@ -62,8 +62,7 @@ def test_the_differences_are_tested_together_with_the_shared_zero_state():
     printed = np.array([-0.040, 0.073, 0.024, -0.072])
     covariance = 0.02**2 * (np.eye(4) + 1)
     by_hand = printed @ np.linalg.solve(covariance, printed)
-    found = shared_zero_chi_square(printed / 0.02)
-    assert found == pytest.approx(by_hand)
+    assert shared_zero_chi_square(printed / 0.02) == pytest.approx(by_hand)
 
 
 def test_the_differences_of_table_v_are_no_white_noise_of_means_over_a_state():
