@@ -66,7 +66,7 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
     angles = (
         rotations @ generator.standard_normal(shape).mT for _ in range(replicates)
     )
-    counts = [int(count) for count in inputs.array(COUNTS)]
+    counts = inputs.array(COUNTS).astype(int).tolist()
     scatter = np.stack([scatter_of_averages(one, counts) for one in angles])
     return by_cell("{2}.{0}-{1}", SIGMAS * scatter, _MATRICES, "xy", _rows())
 

@@ -262,8 +262,9 @@ def calibrated_parameters(
 
     Implements: niu2024 (14), (17), (18), (19), (20), (21), (22), (23), (24), (25).
     """
-    generator = default_rng(seed)
-    measured = _measuring(inputs, generator, replicates, noise, repeats, translations)
+    measured = _measuring(
+        inputs, default_rng(seed), replicates, noise, repeats, translations
+    )
     transforms = _calibrated(measured, arrangement(inputs, angles))
     return by_cell("{1}.{0}", transforms.parameters, REGISTERED, ROWS)
 

@@ -113,8 +113,9 @@ def misalignment(
     True
     """
     # Rows times T are the columns T' w: directions in the camera at the zero point.
-    carried = tracker_directions @ tracker_from_camera_zero
-    return attitude(camera_directions, carried, weights)
+    return attitude(
+        camera_directions, tracker_directions @ tracker_from_camera_zero, weights
+    )
 
 
 @checked

@@ -171,7 +171,7 @@ def ground_jacobian(
     array([      0.,       0., 1000000.])
     """
     position = imaged_position(vectors, satellite, earth_from_camera)
-    # The projection along the line of sight s onto the tangent plane.
+    # The projection along the line of sight, s = l u, onto the tangent plane.
     sight = position - satellite[..., None, :]
     normal = position / EARTH_AXES**2
     steep = np.vecdot(normal, sight)[..., None, None]
@@ -181,8 +181,8 @@ def ground_jacobian(
     # and a row r of the projection gives r · ds = (s × r) · R t.
     by_turn = np.cross(sight[..., None, :], slide) @ matrix
     # Along the line the projection vanishes, so the image vector needs no projection.
-    lengths = np.linalg.norm(sight, axis=-1) / np.linalg.norm(vectors, axis=-1)
-    by_image = slide @ matrix * -lengths[..., None, None]
+    scale = np.linalg.norm(sight, axis=-1) / np.linalg.norm(vectors, axis=-1)
+    by_image = slide @ matrix * -scale[..., None, None]
     return position, {"satellite": slide, "turn": by_turn, "image": by_image}
 
 
