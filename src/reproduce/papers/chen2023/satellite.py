@@ -127,7 +127,8 @@ def table_angle(inputs: Inputs) -> Results:
 @studied("chen2023/retro-reflectors", inputs=(*INSTRUMENT, BORESIGHT))
 def _retro_reflectors(inputs: Inputs) -> Rows:
     """Compute the reported rotation of the camera for rotations of three retro-reflectors."""
-    platform, turns = as_designed(inputs), _TEST_ROTATION * np.eye(3)
+    platform = replace(as_designed(inputs), principal_point=(0.0, 0.0), spots=None)
+    turns = _TEST_ROTATION * np.eye(3)
     for kind, train in RETROREFLECTORS.items():
         # An odd number of reflections mirrors the image.
         is_mirrored = train is None or np.linalg.det(train) < 0
