@@ -33,6 +33,7 @@ from reproduce.physics.validate import (
     Point,
     Positive,
     Rotation,
+    Size,
     Weights,
     checked,
 )
@@ -310,7 +311,7 @@ def stage_angle_printed(shift: Number, focal_length: Positive) -> FloatArray:
 
 
 @checked
-def stage_angles(shifts: Point, focal_length: Positive) -> FloatArray:
+def stage_angles(shifts: Point, focal_length: Size) -> FloatArray:
     """Return the right-handed misalignment that corresponds to a shift of the focal plane.
 
     It is the result of `misalignment_angles` when the lasers move: a shift along X is a rotation of
@@ -321,7 +322,7 @@ def stage_angles(shifts: Point, focal_length: Positive) -> FloatArray:
     ----------
     shifts : array_like, shape (..., 2)
         Motion of the lasers along X and Y of the camera frame, in metres.
-    focal_length : array_like, shape (...)
+    focal_length : float
         Focal length f of the camera, in metres.
 
     Returns
@@ -334,5 +335,5 @@ def stage_angles(shifts: Point, focal_length: Positive) -> FloatArray:
     >>> stage_angles([1.0, 1.0], 1.0) / np.pi
     array([ 0.25, -0.25,  0.  ])
     """
-    angles = np.arctan2(shifts[..., ::-1] * [1, -1], focal_length[..., None])
+    angles = np.arctan2(shifts[..., ::-1] * [1, -1], focal_length)
     return np.insert(angles, 2, 0.0, axis=-1)

@@ -33,7 +33,6 @@ from reproduce.physics.validate import (
     FloatArray,
     Point,
     Points,
-    Positive,
     Size,
     checked,
     checked_fields,
@@ -44,7 +43,7 @@ from reproduce.physics.validate import (
 
 @checked
 def emitted_directions(
-    points: Points, focal_length: Positive, principal_point: Point = (0.0, 0.0)
+    points: Points, focal_length: Size, principal_point: Point = (0.0, 0.0)
 ) -> FloatArray:
     """Return the directions of the light of lasers on the focal plane of the camera.
 
@@ -54,7 +53,7 @@ def emitted_directions(
     ----------
     points : array_like, shape (..., n, 2)
         Laser positions (X_i, Y_i) on the focal plane, in metres.
-    focal_length : array_like, shape (...)
+    focal_length : float
         Focal length of the camera, in metres.
     principal_point : array_like, shape (..., 2)
         Principal point (X_0, Y_0), in metres.
@@ -77,7 +76,7 @@ def emitted_directions(
 
 @checked
 def received_directions(
-    spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
+    spots: Points, principal_point: Point, pixel_pitch: Size, focal_length: Size
 ) -> FloatArray:
     """Return the directions of the sources of laser spots in the tracker.
 
@@ -89,9 +88,9 @@ def received_directions(
         Centroids (x_i, y_i) of the spots, in px.
     principal_point : array_like, shape (..., 2)
         Principal point (x_0, y_0) of the tracker, in px.
-    pixel_pitch : array_like, shape (...)
+    pixel_pitch : float
         Distance between the centres of neighbouring pixels, in metres.
-    focal_length : array_like, shape (...)
+    focal_length : float
         Focal length of the tracker, in metres.
 
     Returns
@@ -104,8 +103,7 @@ def received_directions(
     >>> received_directions([[13.0, 10.0]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    scale = (pixel_pitch / focal_length)[..., None, None]
-    slopes = (principal_point[..., None, :] - spots) * scale
+    slopes = (principal_point[..., None, :] - spots) * (pixel_pitch / focal_length)
     return unit("spots", np.insert(slopes, 2, 1.0, axis=-1))
 
 
@@ -113,8 +111,8 @@ def received_directions(
 def received_spots(
     directions: Directions,
     principal_point: Point,
-    pixel_pitch: Positive,
-    focal_length: Positive,
+    pixel_pitch: Size,
+    focal_length: Size,
 ) -> FloatArray:
     """Return the spots of light from given directions, the inverse of `received_directions`.
 
@@ -123,7 +121,7 @@ def received_spots(
     directions : array_like, shape (..., n, 3)
         Tracker directions, of any length, towards the source of the light, in front of the tracker
         (z > 0).
-    principal_point, pixel_pitch, focal_length : array_like
+    principal_point, pixel_pitch, focal_length
         As in `received_directions`.
 
     Returns
