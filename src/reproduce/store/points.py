@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -21,8 +21,6 @@ import numpy as np
 from reproduce.physics.validate import (
     BoolArray,
     FloatArray,
-    Points,
-    checked,
     number_array,
 )
 
@@ -249,9 +247,10 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
 def matched_stars(
     source: Any, target: Any = None, *, sep: str | None = None, **settings: Any
 ) -> tuple[DataTable, dict[str, Any]]:
-    """Return the stars of both images, and the settings of a fit with columns of errors.
+    """Return the table of the stars, and the arguments of a fit with the points of both images.
 
-    The stars are in one table of matched stars, or in two arrays or tables, row by row.
+    The stars are in one table of matched stars, or in two arrays or tables, row by row. Further
+    arguments are the settings, and the errors in columns of the table.
     """
     if (weights := settings.get("weights")) is not None:
         number_array("weights", weights, shape=(None,), exact=True)
@@ -266,8 +265,8 @@ def matched_stars(
                 f"one. Join both into one table with the columns {', '.join(STARS)} and "
                 "this column"
             )
-        stars = _side_by_side(first.values, second.values)
-        return DataTable("the arrays", stars, {}), settings
+        settings |= {"source": first.values, "target": second.values}
+        return replace(first, path="the arrays"), settings
     if not is_table(source):
         raise ValueError(
             "target: expected the stars of the other image, got none. Pass them, or a table of "
@@ -275,20 +274,17 @@ def matched_stars(
         )
     table = read_table(source, STARS, (*SIGMAS, "weight", "flux", "mag"), sep)
     found = {
+        "source": table.values[:, :2],
+        "target": table.values[:, 2:],
         "weights": table.numbers.get("weight"),
         "target_covariance": covariances(table),
     }
-    errors = {name: value for name, value in found.items() if value is not None}
-    if twice := errors.keys() & settings.keys():
+    given = {name: value for name, value in found.items() if value is not None}
+    if twice := given.keys() & settings.keys():
         raise ValueError(
             f"{min(twice)}: expected no argument, got one and a column of the table. Remove one"
         )
-    return table, settings | errors
-
-
-@checked
-def _side_by_side(source: Points, target: Points) -> FloatArray:
-    return np.hstack([source, target])
+    return table, settings | given
 
 
 def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:

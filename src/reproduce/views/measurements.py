@@ -160,12 +160,11 @@ class RegistrationResult(UserResult):
     def __init__(
         self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
-        table, settings = matched_stars(source, target, **settings)
-        first, second = map(np.ascontiguousarray, np.split(table.values, 2, axis=1))
+        table, arguments = matched_stars(source, target, **settings)
         flux = brightness(table.numbers)
         with computing(table.path):
-            pivot = registration.checked_pivot(pivot, first)
-            self.fit = fit = fit_registration(first, second, pivot, **settings)
+            pivot = registration.checked_pivot(pivot, arguments["source"])
+            self.fit = fit = fit_registration(pivot=pivot, **arguments)
             self.findings, terms = registration.diagnose_fit(fit, flux)
         self._sensitivities = {term.term: term for term in terms}
         exact = any(finding.kind == "exact" for finding in self.findings)

@@ -138,9 +138,9 @@ def _your_registration(
     wrong matches the findings belong to the robust fit.
     """
     robust = kind is not models.GaussianRegistration
-    table, settings = matched_stars(data, **settings)
-    source, target = np.split(table.values, 2, axis=1)
-    problem = prepare(source, target, checked_pivot(pivot, source), **settings)
+    table, arguments = matched_stars(data, **settings)
+    pivot = checked_pivot(pivot, arguments["source"])
+    problem = prepare(pivot=pivot, **arguments)
     used = problem.rows(problem.counts > 0)
     if not problem.errors_known:
         used = replace(used, counts=used.counts / used.counts.mean())
