@@ -188,8 +188,12 @@ def diagnose_spots(
         fit = next(fits)
         findings += _misfit(fit, fits, spots.std(axis=0).max(), problem)
     if not spare:
-        text = "no group has two images of a light, so the noise is unknown. Add images"
-        findings.append(Finding("spare", text))
+        findings.append(
+            Finding(
+                "spare",
+                "no group has two images of a light, so the noise is unknown. Add images",
+            )
+        )
     factor = 1.0
     if score > -ndtri(_WIDE_ALARM):
         independent = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
@@ -198,8 +202,12 @@ def diagnose_spots(
         text = _CORRELATED_TEXT.format(lag, widening) + _DRIFT_TEXT * (not drifts)
         findings.append(Finding("correlated", text))
     if lost:
-        text = f"{lost} of {total} spots are lost: an image with fewer spots has less weight"
-        findings.append(Finding("lost", text))
+        findings.append(
+            Finding(
+                "lost",
+                f"{lost} of {total} spots are lost: an image with fewer spots has less weight",
+            )
+        )
     low, high = fdtri(fit.freedom, freedom, [0.025, 0.975]).tolist()
     if fit.misfit > high:
         limit = min(limit, fit.freedom)

@@ -39,7 +39,7 @@ _MAX_SAMPLE = 200
 # Smallest number of degrees of freedom with which the other stars can show a wrong match.
 _MIN_FREEDOM = 4
 # Smallest number of stars with which a robust fit can detect two wrong matches.
-_MIN_STARS_ROBUST = 8
+_MIN_STARS_TWO_WRONG = 8
 # Rows that a warning names, at most.
 _MAX_ROWS = 5
 # Smallest span, in px, and largest ratio of the spans of two images in pixels.
@@ -219,8 +219,7 @@ def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
     pivot = validate.number_array("pivot", pivot, shape=(2,), exact=True)
     # The fit itself rejects coincident stars.
     field = np.ptp(points, axis=0).max() or np.inf
-    is_near = np.abs(middle - pivot).max() <= _MAX_FIELDS * field
-    if not is_near:
+    if not np.abs(middle - pivot).max() <= _MAX_FIELDS * field:  # also NaN
         raise ValueError(
             f"pivot: expected a point within {_MAX_FIELDS:g} fields of the stars, got {pivot}. "
             "Pass the principal point of the channel, in px"
@@ -272,8 +271,11 @@ def diagnose_fit(
     if fit.is_exact:
         # Without a degree of freedom the residuals are zero by construction.
         if not fit.errors_known and fit.degrees_of_freedom > 0:
-            text = "the residuals are zero, so the errors cannot be estimated"
-            findings.append(Finding("exact", text))
+            findings.append(
+                Finding(
+                    "exact", "the residuals are zero, so the errors cannot be estimated"
+                )
+            )
         return findings, []
     findings += _unrelated(fit)
     # Wrong matches must not hide a distortion.
@@ -315,43 +317,53 @@ def _stars(fit: RegistrationFit) -> Iterator[Finding]:
     if span < _MIN_SPAN:
         yield Finding("unit", f"the stars span {span:.4g} px: are these pixels?")
     elif large > _MAX_RATIO * small > 0:
-        ratio = f"{large / small:.3g} times the other"
-        yield Finding("unit", f"one image spans {ratio}: are both in pixels?")
+        yield Finding(
+            "unit",
+            f"one image spans {large / small:.3g} times the other: are both in pixels?",
+        )
     if count <= _MAX_COMPARED:
         first, other = (np.unique(one, axis=0, return_index=True)[1] for one in both)
         rows = np.setdiff1d(np.arange(count), np.intersect1d(first, other)).tolist()
-        text = f"{len(rows)} of {count} rows repeat a star of an earlier row"
         if rows:
-            yield Finding("duplicate", f"{text} ({_row_numbers(rows)})", tuple(rows))
+            yield Finding(
+                "duplicate",
+                f"{len(rows)} of {count} rows repeat a star of an earlier row "
+                f"({_row_numbers(rows)})",
+                tuple(rows),
+            )
     sides = np.linalg.svd(part[0] - part[0].mean(axis=0), compute_uv=False)
     if count > 2 and sides[1] <= _LINE_RATIO * sides[0]:
-        text = "the stars lie in a line: their mirror image would fit as well"
-        yield Finding("line", text)
+        yield Finding(
+            "line", "the stars lie in a line: their mirror image would fit as well"
+        )
 
 
 def _errors(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warnings of too few stars, and of residuals that contradict the given errors."""
-    freedom = float(fit.degrees_of_freedom)
+    freedom = fit.degrees_of_freedom
     count = np.count_nonzero(fit.rejected | (fit.weights > 0))
-    if fit.robust and count < _MIN_STARS_ROBUST:
-        text = f"with {count} stars a robust fit can detect one wrong match, not two"
-        yield Finding("few", text)
+    if fit.robust and count < _MIN_STARS_TWO_WRONG:
+        yield Finding(
+            "few",
+            f"with {count} stars a robust fit can detect one wrong match, not two",
+        )
     if freedom <= 0 and not fit.errors_known:
-        text = "the stars leave no degree of freedom to estimate the errors"
-        yield Finding("few", text)
+        yield Finding(
+            "few", "the stars leave no degree of freedom to estimate the errors"
+        )
     if freedom > 0 and fit.errors_known:
         ratio, (low, high) = fit.chi_square / freedom, fit.chi_square_range
-        text = (
-            f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the "
-            "errors from the residuals, pass weights 1 / sigma^2 instead"
-        )
         if not low < ratio < high:
-            yield Finding("errors", text)
+            yield Finding(
+                "errors",
+                f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the "
+                "errors from the residuals, pass weights 1 / sigma^2 instead",
+            )
 
 
 def _uneven(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warning of an unknown noise that differs between directions."""
-    count = float(fit.degrees_of_freedom) / 2
+    count = fit.degrees_of_freedom / 2
     if fit.errors_known or count <= 1:
         return
     weighted = np.sqrt(fit.weights)[:, None] * fit.residuals
@@ -359,26 +371,28 @@ def _uneven(fit: RegistrationFit) -> Iterator[Finding]:
     evenness = squares.prod() / squares.mean() ** 2
     # Mauchly's test of two variances.
     if evenness < min(_MIN_EVENNESS, FALSE_ALARM_ROBUST ** (2 / (count - 1))):
-        text = (
-            "the residuals scatter by {1:.2g} px in one direction and {0:.2g} px across, but the "
-            "intervals assume equal noise. Pass errors, such as sigma_x and sigma_y"
+        across, along = np.sqrt(squares)
+        yield Finding(
+            "uneven",
+            f"the residuals scatter by {along:.2g} px in one direction and {across:.2g} px "
+            "across, but the intervals assume equal noise. Pass errors, such as sigma_x and "
+            "sigma_y",
         )
-        yield Finding("uneven", text.format(*np.sqrt(squares)))
 
 
 def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warning of rows that are not the same stars: the scale agrees with zero."""
     from scipy.special import fdtrc
 
-    freedom = float(fit.degrees_of_freedom)
+    freedom = fit.degrees_of_freedom
     if "scale" in fit.names and freedom > 1:
         scale, error = fit.parameters[0], fit.standard_errors[0]
         if fdtrc(2, freedom, (scale / error) ** 2 / 2) > FALSE_ALARM_ROBUST:
-            text = (
+            yield Finding(
+                "unmatched",
                 f"the scale is {scale:.2g} ± {error:.2g}: are the rows the same stars? "
-                "Match them first, with rp.match"
+                "Match them first, with rp.match",
             )
-            yield Finding("unmatched", text)
 
 
 def _any_far(fit: RegistrationFit) -> bool:

@@ -119,7 +119,7 @@ class RegistrationFit:
         """Central 95 % of chi-square per degree of freedom if the errors are right."""
         from scipy.special import chdtri  # this import takes longer than a fit
 
-        freedom = float(self.degrees_of_freedom)
+        freedom = self.degrees_of_freedom
         low, high = (chdtri(freedom, [0.975, 0.025]) / freedom).tolist()
         return low, high
 
