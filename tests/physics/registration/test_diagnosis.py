@@ -217,7 +217,7 @@ def test_a_star_ten_deviations_off_is_found(count):
             "duplicate",
             lambda s, t: (np.vstack([s, s[:2]]), np.vstack([t, t[:2] + 0.01])),
         ),
-        ("line", lambda s, t: (s * [1, 0], s * [1, 0] + 0.05 * np.sin(s))),
+        ("line", lambda s, t: (s * [1, 0], s * [1, 0] + 0.05 * np.sin(s[:, 1:]))),
         ("exact", lambda s, _: (s, s + 3)),
         ("few", lambda s, t: (s[:2], t[:2])),
         ("unmatched", lambda s, t: (s, t[::-1])),

@@ -368,6 +368,7 @@ def _uneven(fit: RegistrationFit) -> Iterator[Finding]:
         return
     weighted = np.sqrt(fit.weights)[:, None] * fit.residuals
     squares = np.linalg.eigvalsh(weighted.T @ weighted / count)
+    squares = np.maximum(squares, 0)  # rounding errors may be negative
     evenness = squares.prod() / squares.mean() ** 2
     # Mauchly's test of two variances.
     if evenness < min(_MIN_EVENNESS, FALSE_ALARM_ROBUST ** (2 / (count - 1))):
