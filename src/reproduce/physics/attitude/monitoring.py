@@ -14,11 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.validate import (
-    BoolArray,
-    FloatArray,
-    number_array,
-)
+from reproduce.physics.validate import BoolArray, FloatArray, number_array
 
 # Fewest images whose neighbours are compared.
 _MIN_IMAGES = 5
