@@ -287,8 +287,8 @@ def matched_stars(
     return table, settings | given
 
 
-def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
-    """Return a number that increases with the flux of each star, or None if unknown."""
+def brightness(columns: Any) -> Any:
+    """Return a column that increases with the flux of each star, or None if unknown."""
     return -columns["mag"] if "mag" in columns else columns.get("flux")
 
 

@@ -167,7 +167,7 @@ class RegistrationResult(UserResult):
             self.fit = fit = fit_registration(pivot=pivot, **arguments)
             self.findings, terms = registration.diagnose_fit(fit, flux)
         self._sensitivities = {term.term: term for term in terms}
-        exact = any(finding.kind == "exact" for finding in self.findings)
+        exact = fit.is_exact and not fit.errors_known
         self._errors: FloatArray = np.where(exact, np.nan, fit.standard_errors)
         self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
         self.model, self.transform = fit.transform.model, fit.transform

@@ -43,7 +43,8 @@ _UNITS = {
     "background": "digital numbers",
     "noise": "digital numbers",
 }
-_CENTRE, _ERRORS = ["x", "y"], ["sigma_x", "sigma_y"]
+_CENTRE = ["x", "y"]
+_COLUMNS = [*_CENTRE, "sigma_x", "sigma_y"]
 
 
 def stars(
@@ -93,34 +94,31 @@ def stars(
         # The role of an array is its name.
         return replace(source, name=name) if source.name == "source" else source
     name = str(source) if isinstance(source, FilePath) else name
-    columns: dict[str, Any]
     if has_pixels:
         pixels, saturation, noise = read_image(source, name)
         with reading(name):
             spots = find_spots(pixels, threshold, noise, saturation)
-        centre, covariance, shapes = spots.centre, spots.covariance, spots.shapes
-        columns = {"flux": spots.flux, "dropped": spots.reasons}
+        covariance, shapes = spots.covariance, spots.shapes
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        frame = pd.DataFrame(np.hstack([spots.centre, sigma]), columns=_COLUMNS)
+        frame = frame.assign(dropped=spots.reasons, flux=spots.flux)
         middle = (np.array(pixels.shape[::-1]) - 1) / 2
         facts, findings = spots.facts, spots.findings
     else:
         optional = (*SIGMAS, "flux", "mag", "weight")
         table = read_table(source, _CENTRE, optional, sep, name)
-        name, centre = table.path, table.values
+        name, frame = table.path, pd.DataFrame(dict(table.numbers))
         if "weight" in table.numbers:
             raise ValueError(
                 f"{name}: expected no column weight in the stars of one image, got one. Give sigma"
             )
-        columns = {n: table.numbers[n] for n in ("flux", "mag") if n in table.numbers}
-        shapes = np.full((len(centre), 2, 2), np.nan)
+        frame["dropped"] = ""
+        shapes = np.full((len(frame), 2, 2), np.nan)
         given = covariances(table)
         covariance = np.zeros_like(shapes) if given is None else given
-        middle, facts, findings = centre.mean(axis=0), {}, ()
-    frame = pd.DataFrame(centre, columns=_CENTRE)
-    if covariance.any():  # otherwise it is unknown
-        frame[_ERRORS] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    frame = frame.assign(**{"dropped": "", **columns})
-    if (flux := brightness(columns)) is not None:
-        frame = frame.iloc[np.argsort(-flux, kind="stable")]
+        middle, facts, findings = table.values.mean(axis=0), {}, ()
+    if (flux := brightness(frame)) is not None:
+        frame = frame.loc[flux.sort_values(ascending=False, kind="stable").index]
     is_dropped = frame["dropped"] != ""
     kept = frame[~is_dropped]
     found = Stars(
@@ -308,9 +306,8 @@ class PairedRegistration(RegistrationResult):
             pairs.attrs["matrix"],
             **settings,
         )
-        pairs["weight"] = weights
-        for name in first.table.filter(["flux", "mag"]):
-            pairs[name] = first.table[name].to_numpy()[row]
+        known: Any = first.table.filter(["flux", "mag"]).iloc[row].to_dict("list")
+        pairs = pairs.assign(weight=weights, **known)
         super().__init__(pairs, None, pivot, **settings)
         used, (x, y) = self.fit.weights > 0, self.residuals.T
         self.pairs = pairs.assign(
