@@ -158,11 +158,6 @@ def _single(
     return float(array)
 
 
-def _count(name: str, value: int, *, shape: _Shape) -> int:
-    """Return a whole number above zero; a check of `checked`, whose shape is ()."""
-    return whole_number(name, value)
-
-
 def _text(name: str, value: object, *, shape: _Shape) -> str:
     """Return a text; raise TypeError for another object."""
     if not isinstance(value, str):
@@ -193,7 +188,7 @@ Positive = Annotated[Any, (), positive]
 NonNegative = Annotated[Any, (), non_negative]
 Size = Annotated[Any, (), functools.partial(_single, positive)]
 Amount = Annotated[Any, (), functools.partial(_single, non_negative)]
-Count = Annotated[Any, (), _count]
+Count = Annotated[Any, (), lambda name, value, shape: whole_number(name, value)]
 Sides = Annotated[Any, (2,), positive]
 Point = Annotated[Any, (2,)]
 Points = Annotated[Any, ("n", 2)]

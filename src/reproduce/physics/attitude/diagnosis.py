@@ -148,7 +148,7 @@ def diagnose_spots(
     ['scale', 'spare']
     """
     counts = np.array([np.isfinite(group[..., 0]).sum(axis=0) for group in images])
-    total = sum(group[..., 0].size for group in images)
+    total = sum(group.size for group in images) // 2
     lost = total - counts.sum()
     seen = counts.min(axis=0) > 0
     lights = np.flatnonzero(seen) + 1

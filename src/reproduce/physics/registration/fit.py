@@ -32,7 +32,7 @@ from reproduce.physics.registration._similarity import (
     squared,
 )
 from reproduce.physics.registration.transforms import MODELS, Registration
-from reproduce.physics.validate import BoolArray, FloatArray, IntArray, Size
+from reproduce.physics.validate import BoolArray, FloatArray, IntArray, Points, Size
 
 # Fewest points of a robust fit.
 _MIN_STARS_ROBUST = 4
@@ -185,7 +185,8 @@ class RegistrationFit:
         half = stdtrit(freedom, 0.5 * (1 + level)) * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
 
-    def prediction_covariance(self, points: ArrayLike) -> FloatArray:
+    @validate.checked
+    def prediction_covariance(self, points: Points) -> FloatArray:
         """Return the covariance of registered points due to the transform, (..., n, 2, 2), in px^2.
 
         Parameters
@@ -193,8 +194,7 @@ class RegistrationFit:
         points : array_like, shape (..., n, 2)
             Source points without errors, in px.
         """
-        positions = validate.finite_array("points", points, shape=(None, 2))
-        rows = self.transform.jacobian(positions)
+        rows = self.transform.jacobian(points)
         return rows @ self.covariance[..., None, :, :] @ rows.mT
 
 

@@ -20,7 +20,7 @@ from reproduce.physics.registration._similarity import (
 )
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
-from reproduce.physics.validate import FloatArray, IntArray, positive
+from reproduce.physics.validate import FloatArray, IntArray, Size, checked
 
 # Common stars that identify a transform, at least: three agree too often by chance.
 _MIN_COMMON = 4
@@ -42,10 +42,11 @@ _MIN_ROBUST, _ROUNDS = 7, 4
 _SCATTER_STEPS, _EXACT_VARIANCE = 6, 1e-12
 
 
+@checked
 def match_points(
     source: FloatArray,
     target: FloatArray,
-    radius: float,
+    radius: Size,
     start: Registration | None = None,
 ) -> tuple[IntArray, Registration]:
     """Match two lists of points that are related by a similarity or its mirror image.
@@ -86,7 +87,6 @@ def match_points(
     >>> bool((rows.sum(axis=1) == 39).all()), transform.apply([[100.0, 0]]).round(6)
     (True, array([[104.,   4.]]))
     """
-    radius = float(positive("radius", radius))
     found = (
         _candidates(source, target, radius)
         if start is None
