@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.optics import Camera, turned_onto_detector
 from reproduce.physics.registration._similarity import (
-    ComplexArray,
     as_complex,
     as_points,
     squared,
@@ -212,7 +211,10 @@ class Registration:
         """Return the derivatives of registered points by the source points, (..., n, 2, 2)."""
         along, across, radial, offsets, squares = self._terms(points)
         bend = along * radial
-        return _real_matrices(along + 2 * bend * squares, across + bend * offsets**2)
+        along, across = along + 2 * bend * squares, across + bend * offsets**2
+        # The images of 1 and i under the derivative z -> along * z + across * conj(z).
+        columns = [along + across, 1j * (along - across)]
+        return as_points(np.stack(columns, axis=-1)).mT
 
     def jacobian(self, points: FloatArray) -> FloatArray:
         """Return the derivatives of registered points by the parameters, (..., n, 2, p).
@@ -419,11 +421,6 @@ def _parameter_names(model: str) -> tuple[str, ...]:
             f"model: expected one of {', '.join(MODELS)}, got {model!r}. Correct the name"
         )
     return MODELS[model]
-
-
-def _real_matrices(along: ComplexArray, across: ComplexArray) -> FloatArray:
-    """Return the matrices, (..., 2, 2), of the maps z -> along * z + across * conj(z)."""
-    return as_points(np.stack([along + across, 1j * (along - across)], axis=-1)).mT
 
 
 @checked
