@@ -9,18 +9,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+# Types of the name of a file.
+FilePath = str | Path
+
 # Endings of the files of figures, and of the draws of a posterior.
 FIGURES, DRAWS = (".svg", ".pdf", ".png"), (".csv", ".nc")
 
 
-def check_target(
-    path: str | Path, endings: Collection[str], name: str = "path"
-) -> Path:
+def check_target(path: FilePath, endings: Collection[str], name: str = "path") -> Path:
     """Return `path`, or raise an error if no file with one of `endings` can be written there.
 
     Errors use `name` for the argument.
     """
-    if not isinstance(path, str | Path):
+    if not isinstance(path, FilePath):
         raise TypeError(f"{name}: expected the path of a file, got {path!r}")
     path = Path(path)
     folder = path.parent
@@ -40,7 +41,7 @@ def check_target(
 
 
 @contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
+def replacing(path: FilePath) -> Iterator[Path]:
     """Yield a temporary path, whose file replaces `path` if the block ends without an error."""
     path = Path(path).resolve()
     with TemporaryDirectory(prefix=".reproduce-", dir=path.parent) as folder:
@@ -51,7 +52,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         part.replace(path)
 
 
-def write_text(path: str | Path, text: str) -> None:
+def write_text(path: FilePath, text: str) -> None:
     """Write a text file as UTF-8."""
     with replacing(path) as part:
         part.write_text(text, encoding="utf-8")

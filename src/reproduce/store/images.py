@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.physics.validate import BoolArray
-from reproduce.store.points import FilePath
+from reproduce.store.files import FilePath
 
 FloatArray = NDArray[np.floating]
 

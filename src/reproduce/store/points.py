@@ -23,9 +23,8 @@ from reproduce.physics.validate import (
     FloatArray,
     number_array,
 )
+from reproduce.store.files import FilePath
 
-# Types of the name of a file.
-FilePath = str | Path
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
 _PIXEL_UNITS = ("px", "pix", "pixel", "pixels")

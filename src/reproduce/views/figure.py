@@ -26,7 +26,7 @@ from reproduce.papers.declare import Drawing, Schematic, drawing, item_text
 from reproduce.printed.cells import anchor, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import powers
-from reproduce.store.files import FIGURES, check_target, replacing
+from reproduce.store.files import FIGURES, FilePath, check_target, replacing
 from reproduce.views import computed, keys
 from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Display, Html, rendered
@@ -233,7 +233,7 @@ class Figure(Rerunnable):
             ]
         return pd.DataFrame(places, columns=["panel", "curve", "x", "y"])
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: FilePath) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, self._endings)
         content = _content(
@@ -287,7 +287,7 @@ class Panels(Display, list[Figure]):
         """The lines and points of all panels, with the key of each."""
         return pd.concat([panel.frame().assign(figure=panel.key) for panel in self])
 
-    def save(self, path: str | Path) -> list[Path]:
+    def save(self, path: FilePath) -> list[Path]:
         """Write each panel to the path with its letter: ``fig-11a.pdf`` for ``fig-11.pdf``.
 
         Parameters

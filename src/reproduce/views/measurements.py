@@ -7,7 +7,6 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from reproduce.physics import registration
 from reproduce.physics.registration import Finding, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.number import minus
+from reproduce.store.files import FilePath
 from reproduce.store.points import brightness, computing, matched_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
@@ -37,9 +37,9 @@ _CONSISTENCY_TEXTS = {
 
 
 def misalignment(
-    spots: str | Path | pd.DataFrame | Mapping[str, Any] | ArrayLike,
+    spots: FilePath | pd.DataFrame | Mapping[str, Any] | ArrayLike,
     zero: ArrayLike | None = None,
-    platform: Platform | str | Path | None = None,
+    platform: Platform | FilePath | None = None,
     *,
     sep: str | None = None,
 ) -> MisalignmentResult:

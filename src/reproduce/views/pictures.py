@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,11 +19,11 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.number import minus
+from reproduce.store.files import FilePath
 from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
     STARS,
-    FilePath,
     brightness,
     covariances,
     read_table,
@@ -48,7 +47,7 @@ _COLUMNS = [*_CENTRE, "sigma_x", "sigma_y"]
 
 
 def stars(
-    source: str | Path | ArrayLike | pd.DataFrame | Mapping[str, Any],
+    source: FilePath | ArrayLike | pd.DataFrame | Mapping[str, Any],
     *,
     threshold: float | None = None,
     sep: str | None = None,

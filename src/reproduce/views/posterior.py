@@ -34,7 +34,7 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.physics.validate import FloatArray, Text, checked
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
-from reproduce.store.files import DRAWS, check_target, replacing, write_text
+from reproduce.store.files import DRAWS, FilePath, check_target, replacing, write_text
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import ResultView, text_of
@@ -397,7 +397,7 @@ class Posterior(ResultView):
             " ".join(filter(None, sentences)),
         )
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: FilePath) -> Path:
         """Write the draws, in the displayed units.
 
         The draws are nearly independent. An ``.nc`` file has the groups of ArviZ: posterior,
@@ -432,7 +432,7 @@ class Posterior(ResultView):
         return path
 
     @staticmethod
-    def check_file(path: str | Path) -> Path:
+    def check_file(path: FilePath) -> Path:
         """Return `path`, or raise `ValueError` if it cannot be written."""
         path = check_target(path, DRAWS)
         if path.suffix.lower() == ".nc" and not all(map(find_spec, _NETCDF_PACKAGES)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -17,6 +16,7 @@ from reproduce.physics.attitude import Platform
 from reproduce.printed.cells import find
 from reproduce.printed.number import UNITS, quantity, symbol
 from reproduce.store import studies
+from reproduce.store.files import FilePath
 from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, link
 from reproduce.views.numbers import digits, percent
 from reproduce.views.posterior import Posterior, book_posterior, interval
@@ -30,7 +30,7 @@ _OUTSIDE_FRACTION = 0.05
 
 def posterior(
     name: str | None = None,
-    data: str | Path | pd.DataFrame | Mapping[str, Any] | None = None,
+    data: FilePath | pd.DataFrame | Mapping[str, Any] | None = None,
     pivot: tuple[float, float] | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
@@ -38,7 +38,7 @@ def posterior(
     weights: ArrayLike | None = None,
     source_covariance: ArrayLike | None = None,
     target_covariance: ArrayLike | None = None,
-    platform: Platform | str | Path | None = None,
+    platform: Platform | FilePath | None = None,
     sep: str | None = None,
     data_seed: int | None = None,
     steps: int | None = None,

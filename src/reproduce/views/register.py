@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from reproduce.store.files import FilePath
 from reproduce.store.images import are_separate
 from reproduce.views.measurements import RegistrationResult
 
@@ -23,8 +23,8 @@ _FOR_IMAGES = {"start", "radius", "threshold"}
 
 
 def register(
-    source: str | Path | pd.DataFrame | Mapping[str, Any] | ArrayLike | Stars,
-    target: str | Path | Mapping[str, Any] | ArrayLike | Stars | None = None,
+    source: FilePath | pd.DataFrame | Mapping[str, Any] | ArrayLike | Stars,
+    target: FilePath | Mapping[str, Any] | ArrayLike | Stars | None = None,
     pivot: ArrayLike | None = None,
     *,
     model: str = "similarity",

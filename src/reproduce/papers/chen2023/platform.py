@@ -23,6 +23,7 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.store.files import FilePath
 from reproduce.store.points import TableFileError
 
 SPOTS = "chen2023/text-platform#spot-*"
@@ -76,7 +77,7 @@ def as_designed(inputs: Inputs) -> Platform:
     )
 
 
-def platform_of(source: Platform | str | Path | None) -> Platform:
+def platform_of(source: Platform | FilePath | None) -> Platform:
     """Return a platform, as given or from a TOML file of its arguments; by default as designed.
 
     The file contains ``lasers`` and ``camera_focal_length``, or ``directions``, or only ``spots``.

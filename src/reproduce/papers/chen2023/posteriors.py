@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,6 +34,7 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
+from reproduce.store.files import FilePath
 from reproduce.store.points import read_table
 from reproduce.store.spots import IMAGES, SPOTS, images_of
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -93,7 +93,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 def _your_model(
     data: Any,
     drifts: bool = False,
-    platform: Platform | str | Path | None = None,
+    platform: Platform | FilePath | None = None,
     sep: str | None = None,
 ) -> Supplied:
     """Return your spots, a misalignment, constant or with a drift in group 1, and remarks.
