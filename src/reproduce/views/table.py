@@ -13,7 +13,7 @@ from markupsafe import Markup
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, item_ledger, record_of
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import computation_for
+from reproduce.papers.declare import changeable, computation_for
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import minus
@@ -445,7 +445,9 @@ class Cell(_Judged):
         shown = verdicts.texts(self.record) | {
             "cell": "",  # in the head
             "verdict": f"{verdicts.qualified(self.record)}: {meaning}",
-            "inputs": Markup(", ").join(link(anchor(a), a) for a in self.inputs),
+            "inputs": Markup(", ").join(
+                link(anchor(a), a) for a in changeable(self.key)
+            ),
         }
         lines = [line for line in shown.items() if line[1]]
         return [Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one")]

@@ -104,7 +104,8 @@ def _facts(inputs: Inputs) -> Results:
     radii = np.linalg.norm(true[0] - green.principal_point, axis=-1)
     noise = np.sqrt(2.0) * inputs[NOISE]
     scatter = noise / np.linalg.norm(radii)
-    fitted = simulation.calibrated(true, angles).transform.scale
+    points = simulation.registered_points(true, angles)
+    fitted = fit_registration(*points).transform.scale
     actual, scales = (
         inputs.array(f"niu2024/table-{table}#scale.*") for table in (2, 3)
     )

@@ -243,7 +243,7 @@ def twin_fits(
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     turns = [camera.rotation for camera in cameras]
     fitted = optics.fit_camera(directions, noisy, pitch, turns)
-    return fitted, simulation.calibrated(noisy, table)
+    return fitted, fit_registration(*simulation.registered_points(noisy, table))
 
 
 # Replicates of both kinds of fit.

@@ -41,8 +41,7 @@ from reproduce.physics import validate
 from reproduce.physics.optics import Camera, arrangement_angles, channel_centroids
 from reproduce.physics.registration import (
     Registration,
-    RegistrationFit,
-    fit_registration,
+    closed_similarity,
     rmse_per_axis,
 )
 from reproduce.physics.validate import FloatArray, IntArray
@@ -147,13 +146,12 @@ def _zero_positions(angles: FloatArray) -> IntArray:
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 
 
-def calibrated(
+def registered_points(
     measured: FloatArray, angles: FloatArray, count: int | None = None
-) -> RegistrationFit:
-    """Return the registrations of red and blue to green, as in section 3.2.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the points and the pivots of the registrations of red and blue to green.
 
-    The fit is the closed form, which is the limit of the iteration of the paper. The pivots are the
-    spots at the zero position.
+    The pivots are the spots at the zero position, as in section 3.2.
 
     Parameters
     ----------
@@ -166,13 +164,16 @@ def calibrated(
 
     Returns
     -------
-    RegistrationFit
-        Batch shape (..., 2).
+    source : ndarray, shape (..., 2, count, 2)
+        Centroids of red and blue.
+    target : ndarray, shape (..., 1, count, 2)
+        Centroids of green.
+    pivot : ndarray, shape (..., 2, 2)
+        Pivots of red and blue.
     """
     green, others = np.split(measured, [1], axis=-3)
     [zero] = _zero_positions(angles)
-    pivots = others[..., zero, :]
-    return fit_registration(others[..., :count, :], green[..., :count, :], pivots)
+    return others[..., :count, :], green[..., :count, :], others[..., zero, :]
 
 
 def noise(inputs: Inputs) -> float:
@@ -206,15 +207,18 @@ def _measuring(
 
 def _calibrated(
     measured: Callable[[FloatArray], FloatArray], table: FloatArray
-) -> Registration:
-    """Return the calibrated transforms of red and blue, batch shape (replicates, 2).
+) -> tuple[FloatArray, FloatArray]:
+    """Return the calibrated parameters of red and blue, (replicates, 2, 4), and the pivots.
 
-    A zero position that is not in an arrangement is measured in addition to its points.
+    The fit is the closed form, which is the limit of the iteration of section 3.2. A zero position
+    that is not in an arrangement is measured in addition to its points.
     """
     angles = table
     if not _zero_positions(table).size:
         angles = np.vstack([table, [[0.0, 0.0]]])
-    return calibrated(measured(angles), angles, len(table)).transform
+    count = len(table)
+    source, target, pivots = registered_points(measured(angles), angles, count)
+    return closed_similarity(source, target, pivots, np.ones(count))[0], pivots
 
 
 def _test_angles(
@@ -265,8 +269,8 @@ def calibrated_parameters(
     measured = _measuring(
         inputs, default_rng(seed), replicates, noise, repeats, translations
     )
-    transforms = _calibrated(measured, arrangement(inputs, angles))
-    return by_cell("{1}.{0}", transforms.parameters, REGISTERED, ROWS)
+    parameters, _ = _calibrated(measured, arrangement(inputs, angles))
+    return by_cell("{1}.{0}", parameters, REGISTERED, ROWS)
 
 
 @reproduces(
@@ -305,7 +309,7 @@ def registration_rmse(
     if parameters == "table-3":
         transforms = _printed(inputs, translations)
     else:
-        transforms = _calibrated(measured, table)
+        transforms = Registration("similarity", *_calibrated(measured, table))
     before = points[:, 1:]
     both = np.stack([before, transforms.apply(before)], axis=1)
     x, y = np.moveaxis(rmse_per_axis(both, points[:, None, :1]), -1, 0)

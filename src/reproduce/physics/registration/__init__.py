@@ -1,7 +1,11 @@
 """Registration: the transform between two channels, fitted, bounded and diagnosed."""
 
 from reproduce.physics.registration._least_squares import Problem, prepare
-from reproduce.physics.registration._similarity import as_complex, as_points
+from reproduce.physics.registration._similarity import (
+    as_complex,
+    as_points,
+    closed_similarity,
+)
 from reproduce.physics.registration.calibration import (
     calibrate,
     deviations,
