@@ -81,7 +81,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         groups.append(true + noise * generator.normal(size=true.shape))
     times = 0.0, drifts * np.linspace(-1, 1, frames)
     model = misalignment_model(SpotLikelihood.of(design, groups, times))
-    # The angles, then the drifts if they are parameters.
+    # Angles, and drifts if they are fitted, come after the mount and before scale and noise.
     truth = zip(model.names[3:-2], [*_TRUTH, *_DRIFT], strict=False)
     return replace(
         model,
