@@ -29,7 +29,13 @@ from reproduce.judge.ledger import Record, expected
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import computation_for, computations, item_text, study
+from reproduce.papers.declare import (
+    Column,
+    computation_for,
+    computations,
+    item_text,
+    study,
+)
 from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import NOMINAL_FRACTION, minus, powers, quantity
@@ -177,10 +183,10 @@ def of_study(key: str) -> dict[str, Any]:
 
 
 def _texts_of_study(key: str) -> dict[str, str]:
-    facts = item_text(key).facts
+    values = of_study(key)
     return {
-        name: quantity(numbers.entry(value, facts[name]), facts[name].unit)
-        for name, value in of_study(key).items()
+        name: quantity(numbers.entry(values[name], Column(name, fact.form)), fact.unit)
+        for name, fact in item_text(key).facts.items()
     }
 
 

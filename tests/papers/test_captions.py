@@ -10,13 +10,12 @@ from book_facts import of_study
 from reproduce.locate import read_toml
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import (
-    Fact,
     Study,
     computations,
     drawing,
     item_text,
 )
-from reproduce.papers.texts import ItemText
+from reproduce.papers.texts import Fact, ItemText
 
 FOLDER = ROOT / "data" / "captions"
 

@@ -16,7 +16,7 @@ import reproduce as rp
 from book_facts import Register, of_ledger, register, write_tables
 from reproduce.judge.ledger import expected
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Fact
+from reproduce.papers.declare import Column
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.printed.number import powers
 from reproduce.views import numbers, verdicts
@@ -102,13 +102,13 @@ def test_numbers_have_the_digits_that_their_errors_allow():
         ("1.00", 1.0, 0.02),
     ):
         assert verdicts.chance(value, error) == text
-    for text, value, fact in (
-        ("0.043", 0.0432, Fact(".3f")),
-        ("0", -4e-10, Fact(".2g", zero=1e-9)),
-        ("10,000", 10_000, Fact(",")),
-        ("Table 2", "Table 2", Fact()),
+    for text, value, *style in (
+        ("0.043", 0.0432, ".3f", 0.0),
+        ("0", -4e-10, ".2g", 1e-9),
+        ("10,000", 10_000, ",", 0.0),
+        ("Table 2", "Table 2", "", 0.0),
     ):
-        assert numbers.entry(value, fact) == text
+        assert numbers.entry(value, Column("", *style)) == text
 
 
 @pytest.fixture(scope="module")

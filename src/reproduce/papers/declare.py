@@ -23,7 +23,6 @@ from reproduce.locate import data_files
 from reproduce.papers.catalogue import KINDS, catalogue
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
-from reproduce.papers.texts import Fact as Fact
 from reproduce.papers.texts import ItemText
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text

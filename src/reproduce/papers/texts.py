@@ -39,7 +39,7 @@ class Column:
 
 @dataclass(frozen=True, config=_STRICT)
 class Fact:
-    """A number or a word that sentences quote; `form` and `zero` as in `Column`.
+    """A number or a word that sentences quote; `form` as in `Column`.
 
     A number in a supplementary table has its `column`. `rows` contains values of other columns. Of
     several numbers, `take` is the smallest, ``min``, or the largest, ``max``.
@@ -47,7 +47,6 @@ class Fact:
 
     form: str = ""
     unit: str = ""
-    zero: float = 0.0
     column: str = ""
     rows: dict[str, Any] = field(default_factory=dict)
     take: str = "min"

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from reproduce.printed.number import minus
 
 if TYPE_CHECKING:
-    from reproduce.papers.declare import Column, Fact
+    from reproduce.papers.declare import Column
 
 
-def entry(value: float | str, style: Column | Fact) -> str:
-    """Return a number in the format of a column or of a fact.
+def entry(value: float | str, style: Column) -> str:
+    """Return a number in the format of a column.
 
     An infinite value is ``any``. A value below the zero of the style is 0.
 

@@ -1,4 +1,4 @@
-"""Texts of cells and verdicts, and the facts that a sentence may quote by name."""
+"""Texts of cells and verdicts, and the facts that captions and pages quote by name."""
 
 from __future__ import annotations
 
