@@ -183,10 +183,13 @@ def _equations(audits: Sequence[Audit]) -> _Part:
     shown = [
         row | {side: numbers.entry(row[side], _STYLE) for side in sides} for row in rows
     ]
-    columns = ("place", "asked", "meaning", *sides)
-    return _Part(
-        (_table("equations", "Equations run as extracted", columns, shown),), rows
+    table = _table(
+        "equations",
+        "Equations run as extracted",
+        ("place", "asked", "meaning", *sides),
+        shown,
     )
+    return _Part((table,), rows)
 
 
 def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
@@ -196,11 +199,18 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
         for audit in audits:
             if entry.paper == audit.name and bool(entry.assumption) == supposed:
                 cells = [a for a, one in frozen().items() if one.erratum == entry.id]
-                texts = {"name": entry.id, **entry.model_dump(exclude={"id"})}
-                rows.append(texts | {"results": cells})
-                findings = entry.findings(audit)
+                rows.append(
+                    {
+                        "name": entry.id,
+                        **entry.model_dump(exclude={"id"}),
+                        "results": cells,
+                    }
+                )
                 evidence[entry.id] = {
-                    "sides": {f.relation.name: _sides(f, audit) for f in findings},
+                    "sides": {
+                        finding.relation.name: _sides(finding, audit)
+                        for finding in entry.findings(audit)
+                    },
                     "runs": [e for e in audit.equations if e.name in entry.equations],
                     "verdicts": {cell: _judged(cell) for cell in cells},
                 }
@@ -216,8 +226,12 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     columns = (
         "name place problem printed sides verdicts library conclusion status reply"
     )
-    shown = [row | evidence[row["name"]] for row in rows]
-    table = _table("errata", f"The {len(rows)} errata {kind}.", columns.split(), shown)
+    table = _table(
+        "errata",
+        f"The {len(rows)} errata {kind}.",
+        columns.split(),
+        [row | evidence[row["name"]] for row in rows],
+    )
     return _Part((table,), rows)
 
 

@@ -78,9 +78,11 @@ def _curves(axes: Axes) -> Iterator[tuple[str, Any]]:
 
     found: list[Any] = [(line.get_label(), line.get_xydata()) for line in axes.lines]
     for one in axes.collections:
-        paths = (np.asarray(path.vertices) for path in one.get_paths())
-        ends = [point for path in paths for point in path]
-        points = one.get_offsets() if isinstance(one, PathCollection) else ends
+        points: Any = [
+            point for path in one.get_paths() for point in np.asarray(path.vertices)
+        ]
+        if isinstance(one, PathCollection):
+            points = one.get_offsets()
         if not isinstance(one, QuadMesh):  # an image has no points
             found.append((one.get_label(), points))
     # A label is next to its point.

@@ -114,8 +114,9 @@ class StudyTable(Rerunnable):
         ]
         where = element(self.key)
         identifier = f"{where}-changed" if self.changes else where
-        heads = [column.name for column in columns]
-        yield Grid(caption, heads, rows, identifier, "rp-study")
+        yield Grid(
+            caption, [column.name for column in columns], rows, identifier, "rp-study"
+        )
         if omitted := len(frame) - len(rows):
             yield f"{omitted:,} more rows are in its files."
         if not self.changes:

@@ -443,7 +443,7 @@ class Cell(_Judged):
         """Return a table with a row for each property of the cell."""
         meaning = LOOKS[self.verdict]["meaning"]
         shown = verdicts.texts(self.record) | {
-            "cell": "",  # in the head
+            "cell": "",  # named above
             "verdict": f"{verdicts.qualified(self.record)}: {meaning}",
             "inputs": Markup(", ").join(
                 link(anchor(a), a) for a in changeable(self.key)
