@@ -201,6 +201,14 @@ def test_sigma_and_weight_columns_are_those_of_the_fit(tmp_path):
         rp.register(STARS.assign(**sides), weights=weights)
 
 
+def test_the_hash_of_a_table_covers_its_errors():
+    one, other = (
+        read_table(STARS.assign(sigma=sigma), STARS.columns, ("sigma",)).sha256
+        for sigma in (0.1, 0.2)
+    )
+    assert one != other
+
+
 def test_standard_input(monkeypatch):
     monkeypatch.setattr(
         "sys.stdin", io.TextIOWrapper(io.BytesIO(b"x,y\n1,2\n3,four\n"))

@@ -70,10 +70,11 @@ class DataTable:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of the file, or of the numbers of another source."""
-        return sha256(
-            self.values.tobytes() if self._content is None else self._content
-        ).hexdigest()
+        """SHA-256 of the file, or of all numbers of another source."""
+        content = self._content
+        if content is None:
+            content = np.stack([*self.numbers.values()]).tobytes()
+        return sha256(content).hexdigest()
 
     def check(self, name: str, right: BoolArray, expected: str) -> None:
         """Raise the error that names source, row and column of the first wrong number."""

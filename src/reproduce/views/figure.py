@@ -76,7 +76,14 @@ def _curves(axes: Axes) -> Iterator[tuple[str, Any]]:
     """Yield the names and the points of the lines, areas, marks and labels of a panel."""
     from matplotlib.collections import PathCollection, QuadMesh
 
-    found: list[Any] = [(line.get_label(), line.get_xydata()) for line in axes.lines]
+    # A line across the panel has one coordinate that is a fraction of the panel.
+    found: list[Any] = [
+        (
+            line.get_label(),
+            (line.get_transform() - axes.transData).transform(line.get_xydata()),
+        )
+        for line in axes.lines
+    ]
     for one in axes.collections:
         points: Any = [
             point for path in one.get_paths() for point in np.asarray(path.vertices)
