@@ -30,11 +30,14 @@ class Column:
         Format specification for numbers, such as ``.2f``; empty for words.
     zero : float
         Smaller numbers are rounding noise and shown as 0.
+    least : float
+        Smaller numbers, such as probabilities far in a tail, are shown as a bound.
     """
 
     name: str
     form: str = ""
     zero: float = 0.0
+    least: float = 0.0
 
 
 @dataclass(frozen=True, config=_STRICT)

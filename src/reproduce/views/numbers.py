@@ -14,18 +14,23 @@ if TYPE_CHECKING:
 def entry(value: float | str, style: Column) -> str:
     """Return a number in the format of a column.
 
-    An infinite value is ``any``. A value below the zero of the style is 0.
+    An infinite value is ``any``. A value below the zero of the style is 0, and a smaller value than
+    the least one has a bound.
 
     Examples
     --------
     >>> from reproduce.papers.declare import Column
-    >>> entry(1.0, Column("RMSE (px)", ".3f")), entry(-2e-9, Column("p", ".1g"))
+    >>> entry(1.0, Column("RMSE (px)", ".3f")), entry(-2e-9, Column("x", ".1g"))
     ('1.000', '−2e−09')
+    >>> entry(3e-15, Column("p", ".1g", least=1e-12))
+    '<\u202f1e−12'
     """
     if value != value:  # NaN
         return ""
     if isinstance(value, str) or not style.form:
         return str(value)
+    if abs(value) < style.least:
+        return minus(f"<\u202f{style.least:g}")
     small, limit = abs(value) < style.zero, math.isinf(value)
     return "0" if small else "any" if limit else minus(f"{value:{style.form}}")
 
