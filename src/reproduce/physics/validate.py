@@ -52,13 +52,17 @@ def number_array(
     Infinity is accepted, too. An exact shape has no leading dimensions.
     """
     # The entries of a list may have units or masks.
-    part: Any = value[0] if isinstance(value, (list, tuple)) and value else value
-    has_unit = hasattr(part, "to") and (hasattr(part, "unit") or hasattr(part, "units"))
+    parts: Any = value if isinstance(value, (list, tuple)) else [value]
+    has_unit = any(
+        hasattr(part, "to") and (hasattr(part, "unit") or hasattr(part, "units"))
+        for part in parts
+    )
     content: object = "a quantity" if has_unit else "rows of unequal length"
     try:
         if has_unit:
             raise TypeError
-        value = np.ma.asarray(value) if np.ma.isMaskedArray(part) else value
+        if any(map(np.ma.isMaskedArray, parts)):
+            value = np.ma.asarray(value)
         raw = np.asarray(value)
         content = raw.dtype
         if raw.dtype.kind in "cUSmM":
