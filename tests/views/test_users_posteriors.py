@@ -109,6 +109,13 @@ def test_spots_that_drift_inside_a_group_give_a_warning(spots):
         assert view._repr_html_().count("Warning: ") == constant
 
 
+def test_only_a_drift_needs_different_times():
+    rows = spot_table().assign(frame=np.arange(400) // 4, time=1.0)
+    assert rp.posterior("misalignment", rows).remarks == []
+    with pytest.raises(ValueError, match=r"^data: .* times"):
+        rp.posterior("misalignment-drift", rows)
+
+
 def test_a_prior_that_cuts_the_posterior_is_reported():
     """A bound at four standard deviations and more has no effect."""
     free = registered(*stars())

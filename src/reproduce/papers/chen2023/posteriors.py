@@ -122,8 +122,15 @@ def _your_model(
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
-    times = labels[whole[1]].to_numpy(float)
-    u = drifts * 2 * (times - times.mean()) / np.ptp(times)
+    u: Any = 0.0
+    if drifts:
+        times = labels[whole[1]].to_numpy(float)
+        if not np.ptp(times):
+            raise ValueError(
+                "data: expected images at different times for a drift, got one time. Correct "
+                "the column time, or use the posterior misalignment"
+            )
+        u = 2 * (times - times.mean()) / np.ptp(times)
     likelihood = SpotLikelihood.of(instrument, images, (0.0, u))
     model, scatter = misalignment_model(likelihood), likelihood.start()[0][-1]
     *angles, _, noise = model.names
