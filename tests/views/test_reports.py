@@ -144,7 +144,7 @@ def test_decisions_are_the_options_of_the_computations(paper):
 
 def test_a_covariance_is_that_of_the_draws():
     key = "niu2024/table-3"
-    frame = reports.covariance(key).set_index("cell")
+    frame = reports.covariance(key)
     (made,) = computations(key)
     results = made(load_inputs(made.inputs))
     one, other = (results[f"translation-{axis}.red"] for axis in "xy")

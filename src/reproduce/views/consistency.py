@@ -14,7 +14,6 @@ from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper
 from reproduce.judge.ledger import entries, frozen, record_of
 from reproduce.papers.declare import Column
-from reproduce.printed.cells import PAPERS
 from reproduce.printed.number import minus, quantity, si_factor, symbol
 from reproduce.views import numbers, verdicts
 from reproduce.views.blocks import (
@@ -27,7 +26,7 @@ from reproduce.views.blocks import (
     fold,
     rendered,
 )
-from reproduce.views.keys import check_choice
+from reproduce.views.keys import chosen_papers
 
 _Row = dict[Any, Any]
 # Format of both sides of an equation. Smaller numbers are rounding noise.
@@ -74,9 +73,7 @@ class ConsistencyAudit(Display):
     """
 
     def __init__(self, paper: str | None = None) -> None:
-        self.papers = (
-            PAPERS if paper is None else (check_choice("paper", paper, PAPERS),)
-        )
+        self.papers = chosen_papers(paper)
 
     def __getitem__(self, name: str) -> _Part:
         """Return a part by its name."""

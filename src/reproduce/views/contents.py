@@ -49,9 +49,7 @@ class Contents(Display):
     """
 
     def __init__(self, paper: str | None = None) -> None:
-        self.papers = (
-            PAPERS if paper is None else (keys.check_choice("paper", paper, PAPERS),)
-        )
+        self.papers = keys.chosen_papers(paper)
         self.keys, self.supplementary = (
             [key for key in ledger if key.partition("/")[0] in self.papers]
             for ledger in (catalogue(), catalogue("studies"))

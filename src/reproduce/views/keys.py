@@ -8,7 +8,7 @@ from collections.abc import Collection
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import declarations
 from reproduce.physics.validate import Text, checked
-from reproduce.printed.cells import anchor, library
+from reproduce.printed.cells import PAPERS, anchor, library
 
 
 @checked
@@ -46,6 +46,11 @@ def check_choice(argument: str, name: str, known: Collection[str]) -> str:
             f"{argument}: expected one of {', '.join(known)}, got {name!r}"
         )
     return name
+
+
+def chosen_papers(paper: str | None) -> tuple[str, ...]:
+    """Return the paper of this name, or all papers."""
+    return PAPERS if paper is None else (check_choice("paper", paper, PAPERS),)
 
 
 def title(key: str) -> str:

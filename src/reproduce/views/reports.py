@@ -100,7 +100,7 @@ def covariance(key: str) -> pd.DataFrame:
     units = [library()[key][name].unit for name in draws]
     whole = (pd.DataFrame(draws) / [*map(si_factor, units)]).cov()
     whole.insert(0, "unit", units)
-    return whole.rename_axis("cell").reset_index()
+    return whole.rename_axis("cell")
 
 
 def _name(text: str) -> str:
