@@ -118,8 +118,7 @@ def effective_change(address: str) -> tuple[str, str] | None:
 @cache
 def _texts(key: str, *changes: tuple[str, str]) -> dict[str, str]:
     """Return the displayed values of the computed cells under some changes, by name."""
-    replicates = 2 if _is_random(key) else None
-    cells = Rerun(key, dict(changes), replicates=replicates).cells
+    cells = Rerun(key, dict(changes), replicates=2 if _is_random(key) else None).cells
     return {one.cell.name: one.texts[1] for one in cells}
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 
@@ -42,6 +42,11 @@ class Finding:
     kind: str
     text: str
     rows: tuple[int, ...] = ()
+
+
+def without_none(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that have a value."""
+    return {name: value for name, value in arguments.items() if value is not None}
 
 
 def number_array(

@@ -22,6 +22,7 @@ from reproduce.physics.validate import (
     BoolArray,
     FloatArray,
     number_array,
+    without_none,
 )
 from reproduce.store.files import FilePath
 
@@ -273,13 +274,14 @@ def matched_stars(
             f"both images with the columns {', '.join(STARS)}"
         )
     table = read_table(source, STARS, (*SIGMAS, "weight", "flux", "mag"), sep)
-    found = {
-        "source": table.values[:, :2],
-        "target": table.values[:, 2:],
-        "weights": table.numbers.get("weight"),
-        "target_covariance": covariances(table),
-    }
-    given = {name: value for name, value in found.items() if value is not None}
+    given = without_none(
+        {
+            "source": table.values[:, :2],
+            "target": table.values[:, 2:],
+            "weights": table.numbers.get("weight"),
+            "target_covariance": covariances(table),
+        }
+    )
     if twice := given.keys() & settings.keys():
         raise ValueError(
             f"{min(twice)}: expected no argument, got one and a column of the table. Remove one"

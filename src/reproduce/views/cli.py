@@ -15,6 +15,7 @@ from typing import Any
 import click
 
 from reproduce.physics.registration import MODELS
+from reproduce.physics.validate import without_none
 from reproduce.store.files import DRAWS, FIGURES, check_target
 from reproduce.version import __version__
 from reproduce.views.blocks import Display, printable
@@ -303,7 +304,7 @@ def _show_item(
       ...
     """
     item = _item(address)
-    settings = {name: number for name, number in numbers.items() if number is not None}
+    settings = without_none(numbers)
     if names := options.keys() & {"self", "changes", *numbers}:
         raise click.UsageError(
             f"--option {min(names)}: expected an option of the text. Leave it out"
@@ -582,15 +583,16 @@ def _posterior(
       scale        0.997300 ± 0.000030  0.997248 to 0.997352
       ...
     """
+    from reproduce.papers.posteriors import posteriors as declared
     from reproduce.views import posteriors
 
     if listed:
-        result: Any = posteriors.posterior()
-        _show(as_json, result.titles, result.models)
+        titles = {name: one.title for name, one in declared().items()}
+        _show(as_json, lambda: titles, posteriors.Posteriors().models)
         return
     if name is None:
         raise click.UsageError("NAME: expected a posterior, got none. Use --list")
-    result = posteriors.posterior(name, **settings)
+    result: Any = posteriors.posterior(name, **settings)
     if out:
         result.check_file(out)
     with _bar("sampling") as progress:

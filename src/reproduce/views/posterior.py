@@ -31,7 +31,7 @@ from reproduce.inference.models import (
     MixtureRegistration,
 )
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.validate import FloatArray, Text, checked
+from reproduce.physics.validate import FloatArray, Text, checked, without_none
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, FilePath, check_target, replacing, write_text
@@ -94,10 +94,11 @@ class Posterior(ResultView):
                 f"name: expected one of {', '.join(posteriors())}, got {name!r}"
             )
         self.declared, self._priors = posteriors()[name], _named(priors)
-        settings = {key: one for key, one in settings.items() if one is not None}
+        settings = without_none(settings)
         self._arguments = {"data": data, **settings}
-        plan = {key: settings.pop(key) for key in _NUMBERS[1:] if key in settings}
-        self.plan = self.declared.plan(**plan)
+        self.plan = self.declared.plan(
+            **{key: settings.pop(key) for key in _NUMBERS[1:] if key in settings}
+        )
         self._table, model, self.remarks = self.declared.supplied(data, settings)
         self.model = model.with_priors(self._priors)
 
@@ -105,8 +106,11 @@ class Posterior(ResultView):
     def changes(self) -> str:
         """Arguments that differ from the posterior of the book, in one line."""
         changes = [f"prior of {name}" for name in self._priors]
-        given = self._arguments.items()
-        changes += [f"{name} = {value}" for name, value in given if name in _NUMBERS]
+        changes += [
+            f"{name} = {value}"
+            for name, value in self._arguments.items()
+            if name in _NUMBERS
+        ]
         return ", ".join(changes)
 
     @property
@@ -257,8 +261,11 @@ class Posterior(ResultView):
     @property
     def setup(self) -> Blocks:
         """Data, priors with their reasons, and the code of the model."""
-        title = f"Parameters and priors. Data {self.data_text}."
-        grid = Grid.of_frame(title, self.priors, kind="rp-small")
+        grid = Grid.of_frame(
+            f"Parameters and priors. Data {self.data_text}.",
+            self.priors,
+            kind="rp-small",
+        )
         code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
         return Blocks((grid, fold("The model as code", Html(code))))
 
@@ -328,10 +335,9 @@ class Posterior(ResultView):
 
     def _shown(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the name of their parameter in the displayed unit."""
-        parameters = self.model.parameters
         return {
             p.name: float(p.shown * values[p.name])
-            for p in parameters
+            for p in self.model.parameters
             if p.name in values
         }
 
@@ -489,17 +495,22 @@ class Posterior(ResultView):
         truth, rows = self.truth, []
         for row in self.sampled.summaries():
             mean, ends = interval(row)
-            texts = {
-                "Quantity": row.name + _in_brackets(row.unit),
-                "truth": truth.get(row.name, ""),
-                "mean ± sd": mean,
-                "95 % interval": ends,
-            }
-            rows.append(texts)
+            rows.append(
+                {
+                    "Quantity": row.name + _in_brackets(row.unit),
+                    "truth": truth.get(row.name, ""),
+                    "mean ± sd": mean,
+                    "95 % interval": ends,
+                }
+            )
         changed = f" Changed: {self.changes}." if self.changes else ""
-        identifier = f"posterior-{self.name}" if self._in_book else ""
-        caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
-        yield Grid.of(caption, rows[0], rows, digits=6, identifier=identifier)
+        yield Grid.of(
+            f"Posterior {self.name}, data {self.data_text}.{changed}",
+            rows[0],
+            rows,
+            digits=6,
+            identifier=f"posterior-{self.name}" if self._in_book else "",
+        )
         samples, frame = self.sampled, self.frame()
         ensembles, steps, walkers = samples.chain.shape[:3]
         yield (
@@ -533,8 +544,10 @@ _NETCDF_PACKAGES = ("arviz_base", "h5netcdf")
 
 def _versions() -> dict[str, str]:
     """Return the versions of the software that made a posterior."""
-    versions = {name: version(name) for name in ("numpy", "scipy", "emcee")}
-    return {"reproduce-pointing": __version__, **versions}
+    return {
+        "reproduce-pointing": __version__,
+        **{name: version(name) for name in ("numpy", "scipy", "emcee")},
+    }
 
 
 def _in_brackets(unit: str) -> str:

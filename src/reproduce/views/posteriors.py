@@ -13,6 +13,7 @@ from reproduce.judge.ledger import record_of
 from reproduce.papers.declare import item_text
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import Platform
+from reproduce.physics.validate import without_none
 from reproduce.printed.cells import find
 from reproduce.printed.number import UNITS, quantity, symbol
 from reproduce.store import studies
@@ -84,7 +85,7 @@ def posterior(
     ValueError
         If the model does not accept an argument, or the data are wrong.
     """
-    arguments = {key: value for key, value in locals().items() if value is not None}
+    arguments = without_none(locals())
     if name is not None:
         return Posterior(**arguments)
     if arguments:
@@ -105,8 +106,12 @@ class Posteriors(Display):
             for row in book_posterior(key).summaries()
             if row.name in declared.summary
         ]
-        caption = item_text("posteriors/all").caption
-        yield Grid.of(caption, _COLUMNS, rows, identifier="posteriors")
+        yield Grid.of(
+            item_text("posteriors/all").caption,
+            _COLUMNS,
+            rows,
+            identifier="posteriors",
+        )
 
     @property
     def models(self) -> Blocks:
@@ -117,17 +122,16 @@ class Posteriors(Display):
             texts = ", ".join(declared.columns) or "none", declared.meaning
             files.setdefault(texts, []).append(key)
         columns = [(", ".join(keys), *texts) for texts, keys in files.items()]
-        caption = item_text("posteriors/models").caption
         return Blocks(
             (
                 Grid("The models.", ("Model", "Paper", "Title"), models),
-                Grid(caption, ("Models", "Columns", "Meaning"), columns),
+                Grid(
+                    item_text("posteriors/models").caption,
+                    ("Models", "Columns", "Meaning"),
+                    columns,
+                ),
             )
         )
-
-    def titles(self) -> dict[str, str]:
-        """Return the titles by name."""
-        return {name: declared.title for name, declared in posteriors().items()}
 
     def diagnostics(self, paper: str) -> Grid:
         """Return chains and calibration of each posterior of a paper.
@@ -180,10 +184,6 @@ def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> dict[str, Entry]
     samples = book_posterior(name)
     chains = pd.DataFrame(samples.rows)
     least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
-    powers = {
-        f"sd {percentage} % too small leaves its band": percent(least[column], trials)
-        for percentage, column in _POWERS.items()
-    }
     return {
         "Model": name,
         "R-hat, largest": f"{chains['rhat'].max():.4f}",
@@ -195,5 +195,10 @@ def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> dict[str, Entry]
         "quantities": str(len(stored)),
         "smallest p (even)": digits(least["even"], least["even_error"]),
         "95 % covers": f"{wide.min():.1f} to {wide.max():.1f} %",
-        **powers,
+        **{
+            f"sd {percentage} % too small leaves its band": percent(
+                least[column], trials
+            )
+            for percentage, column in _POWERS.items()
+        },
     }

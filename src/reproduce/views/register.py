@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from reproduce.physics.validate import without_none
 from reproduce.store.files import FilePath
 from reproduce.store.images import are_separate
 from reproduce.views.measurements import RegistrationResult
@@ -115,7 +116,7 @@ def register(
         raise TypeError(
             "source: expected stars or an image, got None. Pass a table, an array or a file"
         )
-    arguments = {name: value for name, value in locals().items() if value is not None}
+    arguments = without_none(locals())
     separate = are_separate(source, target)
     if separate and target is None:
         raise ValueError("target: expected another image or list, got none. Pass both")
