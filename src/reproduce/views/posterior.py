@@ -43,6 +43,7 @@ from reproduce.views.citations import cite_related
 from reproduce.views.export import export_frame
 from reproduce.views.figure import figure_block
 from reproduce.views.intervals import correlated_pair, draw_intervals
+from reproduce.views.keys import check_choice
 from reproduce.views.numbers import digits, moments
 
 # Arguments that replace numbers of the book: seed of its data, and plan of the sampler.
@@ -88,11 +89,7 @@ class Posterior(ResultView):
         priors: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        self.key = self.name = name
-        if name not in posteriors():
-            raise ValueError(
-                f"name: expected one of {', '.join(posteriors())}, got {name!r}"
-            )
+        self.key = self.name = check_choice("name", name, posteriors())
         self.declared, self._priors = posteriors()[name], _named(priors)
         settings = without_none(settings)
         self._arguments = {"data": data, **settings}
