@@ -70,30 +70,38 @@ class StudyTable(Rerunnable):
         ValueError
             If there is no such column of numbers, or no row has such an entry.
         """
-        chosen, every = rows or {}, self._declared.text.columns
+        every, chosen = self._declared.text.columns, rows or {}
         for name in chosen:
             check_choice("rows", name, [*self.frame()])
-        before = _selected(self.frame(), chosen)
         known = {c.name: c for c in every if c.form}
         for name in columns:
             check_choice("columns", name, known)
         shown = [*columns] or [name for name in known if name != every[0].name]
         heads = [c.name for c in every if not c.form] or [every[0].name]
-        heads = [name for name in heads if before[name].nunique() > 1]
+
+        def entries(table: StudyTable) -> Iterator[tuple[str, str, float]]:
+            """Yield label, text and value of each number."""
+            frame = table.frame()
+            for name, some in chosen.items():
+                frame = frame[frame[name].isin(np.atleast_1d(some))]
+            varied = [name for name in heads if frame[name].nunique() > 1]
+            for row in frame.to_dict("records"):
+                texts = [
+                    v if isinstance(v := row[n], str) else f"{n} {v}" for n in varied
+                ]
+                for name in shown:
+                    text = numbers.entry(row[name], known[name])
+                    yield ", ".join((*texts, name)), text, row[name]
+
+        before = [*entries(self)]
 
         def compute(step: Change) -> Iterator[Point]:
-            after = _selected(self.rerun(step).frame(), chosen)
-            if before.empty or len(before) != len(after):
+            after = [*entries(self.rerun(step))]
+            if not before or len(before) != len(after):
                 raise ValueError(f"{self.key}: expected the same rows at every value")
-            rows = (frame.to_dict("records") for frame in (before, after))
-            for old, new in zip(*rows, strict=True):
-                row = [(name, old[name]) for name in heads]
-                texts = [v if isinstance(v, str) else f"{n} {v}" for n, v in row]
-                start = ", ".join(texts) + ": " * bool(texts)
-                for name in shown:
-                    label, text = start + name, numbers.entry(new[name], known[name])
-                    ends = None, None  # not predicted
-                    yield label, label, "", text, new[name], *ends, old[name], *ends
+            for (label, _, old), (_, text, new) in zip(before, after, strict=True):
+                ends = None, None  # not predicted
+                yield label, label, "", text, new, *ends, old, *ends
 
         return Sweep(
             self.title, moved, values, compute, "values for the printed inputs"
@@ -121,10 +129,3 @@ class StudyTable(Rerunnable):
             yield f"{omitted:,} more rows are in its files."
         if not self.changes:
             yield Html(self._toolbar(where), self.key)
-
-
-def _selected(frame: pd.DataFrame, chosen: Mapping[str, Any]) -> pd.DataFrame:
-    """Return the rows with the chosen entry, or entries, of some columns."""
-    for name, entries in chosen.items():
-        frame = frame[frame[name].isin(np.atleast_1d(entries))]
-    return frame
