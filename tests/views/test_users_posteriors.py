@@ -245,7 +245,7 @@ def test_unconverged_chains_give_the_required_number_of_steps(stored):
     assert result.exit_code == 1
     record = json.loads(result.stdout)
     assert len(record["error"]) < 300
-    assert f"{record['steps_needed']} steps (--steps; there were 60)" in record["error"]
+    assert f"about {record['steps_needed']} steps, not 60" in record["error"]
     assert len(record["missed"]) == 5
     _, rows = sampled("registration", path, "--steps", record["steps_needed"])
     assert rows["scale"]["rhat"] < 1.01

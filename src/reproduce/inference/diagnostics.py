@@ -197,7 +197,7 @@ class UnconvergedError(ArithmeticError):
 
     def __str__(self) -> str:
         steps, mixing = self.steps, "find out what keeps the ensembles from mixing"
-        advice = f"take about {steps} steps" if steps else mixing
+        advice = f"take about {steps} steps, not {self.taken}" if steps else mixing
         rest = len(self.missed) - 1
         more = f" (and {rest} more)" * (rest > 0)
         return f"the chains are rejected: {self.missed[0]}{more}; {advice}"

@@ -72,11 +72,11 @@ def _message(error: Exception) -> str | None:
     """Return one line on an error of the input; None for another error."""
     if isinstance(error, click.ClickException):
         return error.format_message()
-    if isinstance(error, ValueError | KeyError):
-        return printable(str(error.args[0] if isinstance(error, KeyError) else error))
-    if hasattr(error, "missed"):  # chains that have not converged
-        taken = f" (--steps; there were {getattr(error, 'taken', 0)})"
-        return f"{error}{taken if getattr(error, 'steps', None) else ''}"
+    if isinstance(error, KeyError):
+        return printable(str(error.args[0]))
+    # Chains that have not converged missed criteria.
+    if isinstance(error, ValueError) or hasattr(error, "missed"):
+        return printable(str(error))
     if isinstance(error, MemoryError):
         return "the input does not fit into memory. Use a smaller one"
     if isinstance(error, OSError) and error.filename:
