@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from functools import cache
+from typing import Any
 
 from reproduce.judge.ledger import Record, record_of
-from reproduce.locate import data_folder
+from reproduce.locate import data_folder, read_toml
 from reproduce.physics.validate import Text, checked
-from reproduce.printed.cells import library
 from reproduce.version import NAME, version
 from reproduce.views.citations import mark, statement
 
@@ -60,11 +59,12 @@ def verify(citation: Text) -> str:
         )
     named = re.search(r"(?:\[|^)(\S+#[^]\s]+)\]?: ", stated)
     address = named[1] if named else "it"
-    key, _, name = address.partition("#")
     is_released = marked[0] in released().get(source, ())
-    now = f"{address} is not a printed number"
-    if key in library() and name in library()[key].by_name:
+    try:
         record = record_of(address)
+    except KeyError:
+        now = f"{address} is not a printed number"
+    else:
         now = statement(record)
         is_same = now == stated or (is_released and _agrees(stated, record))
         if is_same and (is_released or source == version()):
@@ -87,6 +87,6 @@ def _agrees(text: str, record: Record) -> bool:
 @cache
 def released() -> dict[str, list[str]]:
     """Return the marks of all statements of earlier releases, by version, day and commit."""
-    text = (data_folder() / "last-release.toml").read_text(encoding="utf-8")
-    marks: dict[str, list[str]] = tomllib.loads(text).get("marks", {})
+    release = read_toml(data_folder() / "last-release.toml", dict[str, Any])
+    marks: dict[str, list[str]] = release.get("marks", {})
     return marks
