@@ -213,10 +213,8 @@ class Figure(Rerunnable):
             return _vectors_of(self.drawn)
 
         def make() -> list[str]:
-            # A schematic fits wide and narrow pages.
-            if isinstance(self.drawn, str):
-                return _vectors_of(self.drawn)
-            return _vectors_of(self.drawn, self.compute(narrow=True))
+            # A schematic is the same on both pages.
+            return _vectors_of(*dict.fromkeys([self.drawn, self.compute(narrow=True)]))
 
         return computed.cached(
             f"figure-{anchor(self.key)}.json", make, json.dumps, json.loads

@@ -15,7 +15,7 @@ from reproduce.judge.ledger import (
     record_of,
 )
 from reproduce.judge.readings import ReadingSummary
-from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
+from reproduce.judge.verdicts import VERDICTS, Flag
 from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import PrintedCell, anchor
 from reproduce.printed.number import minus, quantity
@@ -98,8 +98,12 @@ def texts(record: Record) -> dict[str, Entry]:
             )
     if readings := record.readings:
         closest = readings.closest
-        text = f"{choices_text(closest.choices)}: {_read(record, closest)}"
-        if p := _probability(closest):
+        other = record.model_copy(update=dict(closest))
+        text = (
+            f"{choices_text(closest.choices)}: {_with_unit(other, computed(other))}, "
+        )
+        text += qualified(other)
+        if p := _probability(other):
             text = f"{text}, p = {p}".replace("= <", "<")
         shown |= {
             "readings that agree": f"{readings.agreeing} of {readings.count}",
@@ -129,7 +133,7 @@ def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
     return _with_unit(record, " to ".join(texts))
 
 
-def _probability(record: Record | Reading) -> str:
+def _probability(record: Record) -> str:
     return "" if record.mcse is None else chance(record.probability or 0.0, record.mcse)
 
 
@@ -206,12 +210,6 @@ def deciding(summary: ReadingSummary) -> str:
     return f"{text}. Never with {', '.join(never)}" if never else text
 
 
-def _read(record: Record, reading: Reading) -> str:
-    """Return the computed value and the verdict of a cell under one reading."""
-    other = record.model_copy(update=dict(reading))
-    return f"{_with_unit(other, computed(other))}, {qualified(reading)}"
-
-
 def tally(records: Collection[Record]) -> dict[str, int]:
     """Count records by verdict, in the order in which they are shown, and those that are weak."""
     counts = {word: sum(r.verdict == word for r in records) for word in VERDICTS}
@@ -223,12 +221,12 @@ def weak(records: Iterable[Record]) -> int:
     return sum(r.agrees and not {*WEAK}.isdisjoint(r.flags) for r in records)
 
 
-def flags(record: Record | Reading) -> str:
+def flags(record: Record) -> str:
     """Return the flags of a verdict in words."""
     return ", ".join(_FLAGS[name] for name in record.flags if name in _FLAGS)
 
 
-def qualified(record: Record | Reading) -> str:
+def qualified(record: Record) -> str:
     """Return a verdict with its flags."""
     marks = flags(record)
     return f"{record.verdict} ({marks})" if marks else record.verdict
@@ -285,8 +283,9 @@ def counts(records: Collection[Record]) -> dict[str, str]:
     """Count verdicts; a count of agreement includes the number of weak agreements."""
     facts = {"results": str(sum(record.role == "result" for record in records))}
     for name in (*VERDICTS, "agree"):
-        kind = AGREES if name == "agree" else {name}
-        chosen = [record for record in records if record.verdict in kind]
+        chosen = [
+            r for r in records if (r.agrees if name == "agree" else r.verdict == name)
+        ]
         count = weak(chosen)
         part = "all" if count == len(chosen) else count
         facts[name] = f"{len(chosen)}" + f" ({part} of them weakly)" * bool(count)
