@@ -56,7 +56,7 @@ document.addEventListener("DOMContentLoaded", () => {
     const power = /(\s*×\s*|\b)10(?=[⁻⁰-⁹¹²³])/u;
     const text = (cell) => cell.textContent.trim().replace(power, (_, times) => (times ? "e" : "1e")).normalize("NFKC").replaceAll("−", "-");
     const rows = [...body.rows].map((row) => ({ row, cells: [...row.cells].map(text) }));
-    const verdict = heads.findIndex((head) => head.textContent === "Verdict");
+    const verdict = heads.findIndex((head) => head.textContent === "verdict");
     const bar = document.createElement("p");
     bar.className = "rp-filter";
     bar.innerHTML = '<label>Filter <input type="search" autocomplete="off"></label> <output></output>';

@@ -78,17 +78,21 @@ class Contents(Display):
     @property
     def numbers(self) -> Grid:
         """Every printed number, in a table that a page can sort and filter."""
-        columns = ("Number", "Place", "Printed", "Computed", "Verdict", "Why")
-        rows = []
-        for record in self._ledger.records:
-            cell = record.printed_cell
-            shown = verdicts.texts(record) | {
-                "number": link(cell.anchor, cell.label),
+        records = self._ledger.records
+        rows = [
+            verdicts.texts(record)
+            | {
+                "number": link(record.printed_cell.anchor, record.printed_cell.label),
                 "place": f"{record.paper}, {record.place}",
             }
-            rows.append([shown[name.lower()] for name in columns])
-        caption, kind = f"The {len(rows)} printed cells", "rp-small rp-sortable"
-        return Grid(caption, columns, rows, kind=kind)
+            for record in records
+        ]
+        return Grid.of(
+            f"The {len(rows)} printed cells",
+            ("number", "place", "printed", "computed", "verdict", "why"),
+            rows,
+            kind="rp-small rp-sortable",
+        )
 
     @property
     def listed(self) -> Grid:
