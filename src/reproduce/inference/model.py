@@ -14,8 +14,7 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 from numpy.random import Generator
 from scipy.optimize import Bounds, differential_evolution
-from scipy.special import ndtr, ndtri
-from scipy.stats import truncnorm
+from scipy.stats import norm, truncnorm
 
 from reproduce.physics.validate import (
     FloatArray,
@@ -40,15 +39,11 @@ _MAX_PRIOR_DISTANCE_SIGMA = 3.0
 # Half width of the search for a start in that case, in standard deviations.
 _SEARCH_SIGMA = 10.0
 # Scales in which an ensemble moves: coordinate of a parameter, parameter at a coordinate, and
-# logarithm of the derivative of the parameter by the coordinate.
+# logarithm of the derivative of the parameter at the coordinate.
 _SCALES: dict[str, tuple[Callable[[FloatArray], FloatArray], ...]] = {
     "": (np.copy, np.copy, np.zeros_like),
-    "log": (np.log, np.exp, np.log),
-    "normal score": (
-        ndtri,
-        ndtr,
-        lambda values: -0.5 * (ndtri(values) ** 2 + np.log(2 * np.pi)),
-    ),
+    "log": (np.log, np.exp, np.copy),
+    "normal score": (norm.ppf, norm.cdf, norm.logpdf),
 }
 
 
@@ -368,9 +363,9 @@ class Model:
         """Return the parameter vectors at coordinates, shape (..., d)."""
         return self._mapped(coordinates, 1)
 
-    def log_volume(self, parameters: FloatArray) -> FloatArray:
+    def log_volume(self, coordinates: FloatArray) -> FloatArray:
         """Return the log determinant of the derivatives by the coordinates, shape (...)."""
-        return self._mapped(parameters, 2).sum(axis=-1)
+        return self._mapped(coordinates, 2).sum(axis=-1)
 
     def _mapped(self, values: FloatArray, function: int) -> FloatArray:
         columns = np.moveaxis(values, -1, 0)
@@ -383,11 +378,8 @@ class Model:
 
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Return the log posterior density of the coordinates, shape (n,)."""
-        parameters = self.parameters_at(coordinates)
-        total = self.log_posterior(parameters)
-        inside = np.isfinite(total)
-        total[inside] += self.log_volume(parameters[inside])
-        return total
+        density = self.log_posterior(self.parameters_at(coordinates))
+        return density + self.log_volume(coordinates)
 
     def with_priors(self, priors: Mapping[str, Prior | tuple[float, float]]) -> Model:
         """Return the model with priors in displayed units, by name, as in `Parameter.with_prior`.
