@@ -45,7 +45,7 @@ def test_a_density_is_the_sum_of_both_cases():
     model = mixture(wrong=6, count=20)
     likelihood = model.likelihood
     rows = model.start(default_rng(1), 12)
-    left = (likelihood.target - likelihood.places(rows)) @ [1, 1j]
+    left = (likelihood.target - likelihood.places(rows, likelihood.source)) @ [1, 1j]
     noise, fraction = rows[:, 4:5], rows[:, 5:]
     right = (1 - fraction) * stats.norm.pdf(left.real, scale=noise)
     right = right * stats.norm.pdf(left.imag, scale=noise)
@@ -98,7 +98,7 @@ def test_the_mixture_has_the_noise_model_of_the_registration():
     likelihood = found.model.likelihood
     assert found.model.names[-2:] == ("shift-y", "false-share")
     point = likelihood.start()[0]
-    left = target - likelihood.places(point[None])[0]
+    left = target - likelihood.places(point[None], likelihood.source)[0]
     right = stats.norm.pdf(left, scale=sigma[:, None]).prod(axis=1) * (1 - point[-1])
     expected = np.log(right + point[-1] / likelihood.side**2)
     assert_allclose(likelihood.pointwise(point[None])[0], expected, rtol=1e-8)

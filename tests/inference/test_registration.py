@@ -69,7 +69,7 @@ def test_likelihood_of_stars_with_errors_is_the_normal_density(model):
     whole = data(points)
     assert_allclose(whole, data.pointwise(points).sum(axis=1), rtol=1e-10)
     for point, found in zip(points, whole, strict=True):
-        left = TARGET - data.places(point[None])[0]
+        left = TARGET - data.places(point[None], SOURCE)[0]
         each = map(
             stats.multivariate_normal.logpdf,
             left,
@@ -167,17 +167,21 @@ def test_simulated_stars_scatter_as_stated():
     data = likelihood(target_covariance=TILTED, weights=np.full(30, 4.0))
     point, generator = data.start()[0], default_rng(1)
     drawn = np.stack([data.simulate(point, generator).target for _ in range(4000)])
-    drawn = drawn - data.places(point[None])
+    drawn = drawn - data.places(point[None], data.source)
     assert_allclose(np.cov(drawn.reshape(-1, 2).T), TILTED / 4, atol=0.001)
 
 
 def test_distortions_cancel_or_vanish(registration):
     """Equal ones under the identity, and those of zero in any registration."""
     likelihood = DistortedRegistration(registration.likelihood.problem)
-    back = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 3.0, 3.0]]))[0]
+    back = likelihood.places(
+        np.array([[1.0, 0, 0, 0, 0.1, 3.0, 3.0]]), likelihood.source
+    )[0]
     assert_allclose(back, likelihood.source, atol=1e-9)
     plain = registration.start(default_rng(2), 16)
     straight = likelihood(np.column_stack([plain, np.zeros((16, 2))]))
     assert_allclose(straight, registration.likelihood(plain), rtol=1e-9)
-    bent = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 0.0, 3.0]]))[0]
+    bent = likelihood.places(
+        np.array([[1.0, 0, 0, 0, 0.1, 0.0, 3.0]]), likelihood.source
+    )[0]
     assert np.hypot(*(bent - likelihood.source).T).max() == pytest.approx(3.0)

@@ -59,14 +59,11 @@ class DistortedRegistration(GaussianRegistration):
         Parameter("target-distortion", "d_t", "px", DISTORTION_PRIOR),
     )
 
-    def places(
-        self, parameters: FloatArray, source: FloatArray | None = None
-    ) -> FloatArray:
+    def places(self, parameters: FloatArray, source: FloatArray) -> FloatArray:
         """Undistort, scale and rotate, distort, shift: (n, points, 2), in px."""
         scale, rotation, x, y, _, undo, bend = parameters.T[..., None]
         edge = np.abs(as_complex(self.source - self.pivot)).max()
-        points = self.source if source is None else source
-        offsets = as_complex(points - self.pivot) / edge
+        offsets = as_complex(source - self.pivot) / edge
         # The ratio of ideal and measured radius is the root of a cubic polynomial.
         term, ratio = undo / edge * np.abs(offsets) ** 2, 1.0
         for _ in range(_NEWTON_STEPS):

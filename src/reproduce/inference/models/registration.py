@@ -164,7 +164,10 @@ class GaussianRegistration(Likelihood):
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
-        residuals, inverse = self.target - self.places(parameters), self.precision
+        residuals, inverse = (
+            self.target - self.places(parameters, self.source),
+            self.precision,
+        )
         if self.problem.source_covariance.any():
             inverse = self._precision(parameters[:, : self.size])
         squares = np.einsum("...i,...ij,...j", residuals, inverse, residuals)
@@ -172,22 +175,19 @@ class GaussianRegistration(Likelihood):
             squares, 2, self.noise(parameters)[:, None]
         )
 
-    def places(
-        self, parameters: FloatArray, source: FloatArray | None = None
-    ) -> FloatArray:
-        """Return noise-free positions in the reference channel, (n, points, 2), in px.
+    def places(self, parameters: FloatArray, source: FloatArray) -> FloatArray:
+        """Return noise-free positions of source points, (points, 2), in the reference channel.
 
-        Positions of the stars, or of other source points of shape (points, 2).
+        They have shape (n, points, 2), in px.
         """
-        points = self.source if source is None else source
-        points = np.broadcast_to(points, (len(parameters), *points.shape))
+        points = np.broadcast_to(source, (len(parameters), *source.shape))
         return self.problem.transform(parameters[:, : self.size]).apply(points)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the registration of target points drawn for one parameter vector."""
         normal = generator.normal(size=(*self.source.shape, 1))
         unit = np.linalg.solve(np.linalg.cholesky(self.precision).mT, normal)[..., 0]
-        target = self.places(parameters[None])[0]
+        target = self.places(parameters[None], self.source)[0]
         return self.with_target(target + self.noise(parameters[None]) * unit)
 
     def with_target(self, target: FloatArray) -> Self:
