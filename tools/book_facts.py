@@ -236,7 +236,7 @@ def _of_posterior(name: str) -> dict[str, str]:
     from reproduce.views.posterior import Posterior, book_posterior, interval, spread
 
     found, texts = book_posterior(name), {}
-    for row in found.summaries():
+    for row in found.summaries:
         label = row.name.replace(" ", "-").replace(",", "")
         unit = "" if row.unit == "1" else row.unit
         texts[label] = quantity(interval(row)[0], unit)

@@ -54,7 +54,7 @@ def test_a_summary_contains_the_printed_number_and_its_verdict():
     found = rp.posterior("camera-red")
     assert found.declared.summary[name] == address
     row = found.frame().loc[name]
-    (summary,) = (one for one in found.sampled.summaries() if one.name == name)
+    (summary,) = (one for one in found.sampled.summaries if one.name == name)
     shown = pages._summarised(found.name, summary, address)
     label, printed, mean, ends, verdict = map(shown.get, pages._COLUMNS)
     numbers = [float(x.rstrip("°")) for x in (*mean.split(" ± "), *ends.split(" to "))]
@@ -145,7 +145,7 @@ def test_a_build_samples_once(tmp_path, monkeypatch):
         book_posterior.cache_clear()
         monkeypatch.setattr(sampling, "run_ensemble", None)
         read = book_posterior("averaging-y")
-        assert read.summaries() == direct.summaries()
+        assert read.summaries == direct.summaries
     finally:
         book_posterior.cache_clear()
     assert [path.name for path in tmp_path.iterdir()] == ["posterior-averaging-y.npz"]

@@ -99,7 +99,7 @@ def test_the_focal_length_of_the_stage_is_that_of_generalised_least_squares():
     density = weights.sum(axis=0) / weights.sum()
     mean = density @ lengths
     frame = book_posterior("stage")
-    length, chance = (frame.summaries()[i] for i in (0, 2))
+    length, chance = (frame.summaries[i] for i in (0, 2))
     assert length.mean == pytest.approx(1e3 * mean, abs=1.0)
     spread = np.sqrt(density @ (lengths - mean) ** 2)
     assert length.deviation == pytest.approx(1e3 * spread, rel=0.05)

@@ -434,11 +434,11 @@ class Model:
         for one, value, error in zip(
             self.parameters, *self.likelihood.start(), strict=True
         ):
-            prior, reach = one.prior, _SEARCH_SIGMA * error
+            prior = one.prior
             if isinstance(prior, Normal):
-                width = _SEARCH_SIGMA * prior.sigma
-                low, high = prior.mean - width, prior.mean + width
-                bounds.append((min(low, value - reach), max(high, value + reach)))
+                centres = np.array([value, prior.mean])
+                reach = _SEARCH_SIGMA * np.array([error, prior.sigma])
+                bounds.append(((centres - reach).min(), (centres + reach).max()))
             else:
                 bounds.append((prior.low, prior.high))
 

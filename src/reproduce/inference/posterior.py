@@ -88,15 +88,11 @@ class PosteriorSamples:
         quantities = self.model.displayed(self.draws).items()
         return {n: modes for n, q in quantities if (modes := two_modes(q.values))}
 
-    def summaries(self) -> list[Summary]:
-        """Return the summaries of parameters, then of consequences."""
-        return [*self.rows, *self.consequences]
-
     @cached_property
-    def consequences(self) -> list[Summary]:
-        """The summary of every derived quantity, from draws that are thinned as `draws`.
+    def summaries(self) -> list[Summary]:
+        """The summaries of parameters, then of consequences, from draws thinned as `draws`.
 
-        A quantity that fails a criterion is an `UnconvergedError`. The number of autocorrelation
+        A consequence that fails a criterion is an `UnconvergedError`. The number of autocorrelation
         times is a criterion of the parameters only.
         """
         stride = ceil(self.time)
@@ -106,7 +102,7 @@ class PosteriorSamples:
             for name, one in self.model.consequences(self.draws).items()
         ]
         diagnostics.require(rows, self.chain.shape[1], self.acceptance, times=0.0)
-        return rows
+        return [*self.rows, *rows]
 
     @cached_property
     def selected(self) -> tuple[IntArray, FloatArray]:

@@ -169,7 +169,7 @@ def sample(
         try:
             require(found.rows, plan.steps, found.acceptance)
             if longer:
-                found.summaries()
+                _ = found.summaries  # checks consequences
             return found
         except UnconvergedError as error:
             if not longer or error.steps is None or error.steps > _MAX_STEPS:

@@ -268,7 +268,7 @@ class Posterior(ResultView):
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""
-        rows = pd.DataFrame(self.sampled.summaries())
+        rows = pd.DataFrame(self.sampled.summaries)
         return rows.set_index("name").rename_axis("parameter")
 
     summary = frame
@@ -477,7 +477,7 @@ class Posterior(ResultView):
             "seed": samples.seed,
             **dict(sizes),
             "acceptance": samples.acceptance.tolist(),
-            "parameters": [asdict(row) for row in samples.summaries()],
+            "parameters": [asdict(row) for row in samples.summaries],
             "priors": priors.to_dict("records"),
             "modes": {name: one._asdict() for name, one in samples.modes.items()},
             "checks": samples.checks.reset_index().to_dict("records"),
@@ -490,7 +490,7 @@ class Posterior(ResultView):
     def blocks(self) -> Iterator[Block]:
         """Yield the summary, the convergence, the wrong matches, and warnings."""
         truth, rows = self.truth, []
-        for row in self.sampled.summaries():
+        for row in self.sampled.summaries:
             mean, ends = interval(row)
             rows.append(
                 {

@@ -103,7 +103,7 @@ class Posteriors(Display):
         rows = [
             _summarised(key, row, declared.summary[row.name])
             for key, declared in posteriors().items()
-            for row in book_posterior(key).summaries()
+            for row in book_posterior(key).summaries
             if row.name in declared.summary
         ]
         yield Grid.of(
