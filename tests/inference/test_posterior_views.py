@@ -12,7 +12,7 @@ from simulated import star_table
 
 import reproduce as rp
 from book_facts import of_posteriors
-from reproduce.inference import sampling
+from reproduce.inference import Quantity, sampling
 from reproduce.papers.niu2024.posteriors import true_centroids
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.inputs import load_inputs
@@ -117,7 +117,8 @@ def test_an_interval_plot_has_the_most_correlated_pair():
 def test_an_interval_plot_shows_both_modes_of_a_quantity():
     draws = np.random.default_rng(1).normal(0.0, 0.1, 1000)
     figure, values = Figure(), np.append(draws, 1.0 + draws)
-    draw_intervals(figure, {"a": values}, {"a": "a"}, {}, {}, ())
+    draws = {"a": Quantity(values, "px")}
+    draw_intervals(figure, draws, {"a": "a"}, {}, {}, ())
     x, density = figure.axes[0].collections[0].get_paths()[0].vertices.T
     valley = np.abs(x - 0.5) < 0.2
     assert density[valley].max() < 0.3 * density.max()

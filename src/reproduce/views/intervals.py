@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from reproduce.inference import Quantity
 from reproduce.papers.charts import Axes, Figure, set_size
 from reproduce.physics.validate import FloatArray
 
 # Draws of quantities by their names.
-_Draws = Mapping[str, FloatArray]
+_Draws = Mapping[str, Quantity]
 # Bounds of the central 95 %, of the central 50 %, and the median.
 _QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 # Correlation from which a pair has a panel, and draws that the panel shows at most.
@@ -25,8 +26,8 @@ _STRIP_INCHES, _PANEL_INCHES = 0.75, 3.2
 def correlated_pair(draws: _Draws) -> tuple[tuple[str, ...], float]:
     """Return the most correlated pair and its correlation; no names if it is not worth a panel."""
     found = (
-        (np.corrcoef(draws[first], draws[second])[0, 1], (first, second))
-        for first, second in combinations(draws, 2)
+        (np.corrcoef(draws[pair[0]].values, draws[pair[1]].values)[0, 1], pair)
+        for pair in combinations(draws, 2)
     )
     value, pair = max(found, key=lambda one: abs(one[0]), default=(0.0, ()))
     return (pair, value) if abs(value) >= _MIN_CORRELATION else ((), 0.0)
@@ -53,21 +54,21 @@ def draw_intervals(
     elif pair:
         layout = [[name, "panel"] for name in draws]
     parts = figure.subplot_mosaic(layout, height_ratios=heights)
-    for name, values in draws.items():
+    for name, one in draws.items():
         axes = parts[name]
         if name in marks:
             axes.axvline(marks[name], color="C1", linestyle="--")
-        _draw_interval(axes, values, 0.0, "C0")
+        _draw_interval(axes, one.values, 0.0, "C0")
         if name in exact:
-            _draw_interval(axes, exact[name], -1.0, "C2")
+            _draw_interval(axes, exact[name].values, -1.0, "C2")
         axes.set(yticks=[0.0], yticklabels=[labels[name]], ylim=(-1.6, 0.8))
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.locator_params(axis="x", nbins=4)
     if pair:
-        axes, every = parts["panel"], -(-len(draws[pair[0]]) // _MAX_POINTS)
-        x, y = (draws[name][::every] for name in pair)
-        axes.plot(x, y, "C0.", markersize=3, alpha=0.6)
+        axes, values = parts["panel"], np.stack([draws[name].values for name in pair])
+        every = -(-values.shape[1] // _MAX_POINTS)
+        axes.plot(*values[:, ::every], "C0.", markersize=3, alpha=0.6)
         if marks.keys() >= {*pair}:
             axes.plot(*(marks[name] for name in pair), "C1D")
         axes.set(xlabel=labels[pair[0]], ylabel=labels[pair[1]])

@@ -23,6 +23,7 @@ from numpy.random import default_rng
 from reproduce.inference import (
     PosteriorSamples,
     Progress,
+    Quantity,
     Summary,
     sampling,
 )
@@ -359,29 +360,25 @@ class Posterior(ResultView):
         ValueError
             If a name is unknown.
         """
-        model, rows, exact = self.model, self.sampled.draws, dict[str, FloatArray]()
+        model, rows, exact = self.model, self.sampled.draws, dict[str, Quantity]()
         known = model.displayed(rows) | model.consequences(rows)
-        names = names or model.names
-        if unknown := {*names} - {*known}:
-            raise ValueError(
-                f"names: expected quantities of {', '.join(known)}, got {min(unknown)}"
-            )
-        draws = {name: known[name].values for name in names}
+        draws = {
+            name: known[check_choice("names", name, known)]
+            for name in names or model.names
+        }
         symbols = {p.name: f"${p.label}$" for p in model.parameters}
         labels = {
-            name: symbols.get(name, name.replace(" ", "\n", 1))
-            + _in_brackets(known[name].unit)
-            for name in names
+            name: symbols.get(name, name.replace(" ", "\n", 1)) + _in_brackets(one.unit)
+            for name, one in draws.items()
         }
         kind, marks = "truth of the simulation", self.truth
         if not (marks or self._table):
             kind, texts = "printed value", self.declared.summary.items()
             marks = self._shown({key: find(a)[0].si for key, a in texts if "#" in a})
         with suppress(ValueError):
-            found = model.displayed(model.exact(len(rows), default_rng(0)))
-            exact = {name: one.values for name, one in found.items()}
+            exact = model.displayed(model.exact(len(rows), default_rng(0)))
         pair, correlation = correlated_pair(draws)
-        tails = [np.mean(draws[n] < marks[n]) for n in names if n in marks]
+        tails = [np.mean(draws[n].values < marks[n]) for n in draws if n in marks]
         inside = sum(0.025 <= tail <= 0.975 for tail in tails)
         sentences = [
             f"Posterior {self.name}, data {self.data_text}.",
@@ -396,7 +393,7 @@ class Posterior(ResultView):
         return figure_block(
             f"figure-posterior-{model.name}" + "-own" * (not self._in_book),
             lambda figure: draw_intervals(figure, draws, labels, marks, exact, pair),
-            f"Medians and intervals of {', '.join(names)} in the posterior {self.name}.",
+            f"Medians and intervals of {', '.join(draws)} in the posterior {self.name}.",
             " ".join(filter(None, sentences)),
         )
 
