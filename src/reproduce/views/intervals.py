@@ -20,7 +20,7 @@ _QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 _MIN_CORRELATION, _MAX_POINTS = 0.5, 400
 # Largest number of draws that a density uses.
 _MAX_DENSITY_DRAWS = 5000
-_STRIP_INCHES, _PANEL_INCHES = 0.75, 3.2
+_WIDTH_INCHES, _STRIP_INCHES, _PANEL_INCHES = 5.0, 0.75, 3.2
 
 
 def correlated_pair(draws: _Draws) -> tuple[tuple[str, ...], float]:
@@ -41,21 +41,14 @@ def draw_intervals(
     exact: _Draws,
     pair: tuple[str, ...],
 ) -> None:
-    """Draw density, median, 50 % and 95 % of each quantity, and the panel of a pair if given.
+    """Draw density, median, 50 % and 95 % of each quantity, and below them the panel of a pair.
 
     Marks and exact draws are given by the name of the quantity.
     """
-    heights = [_STRIP_INCHES] * len(draws)
-    width, tall = (6.8, _PANEL_INCHES) if pair else (5.0, 0.0)
-    narrow = set_size(figure, max(sum(heights), tall), sum(heights) + tall, width)
-    layout: list[Any] = [[name] for name in draws]
-    if pair and narrow:
-        layout, heights = [*layout, ["panel"]], [*heights, tall]
-    elif pair:
-        layout = [[name, "panel"] for name in draws]
-    parts = figure.subplot_mosaic(layout, height_ratios=heights)
-    for name, one in draws.items():
-        axes = parts[name]
+    heights = [_STRIP_INCHES] * len(draws) + [_PANEL_INCHES] * bool(pair)
+    set_size(figure, sum(heights), width=_WIDTH_INCHES)
+    panels = figure.subplots(len(heights), squeeze=False, height_ratios=heights).flat
+    for axes, (name, one) in zip(panels, draws.items(), strict=False):
         if name in marks:
             axes.axvline(marks[name], color="C1", linestyle="--")
         _draw_interval(axes, one.values, 0.0, "C0")
@@ -66,7 +59,7 @@ def draw_intervals(
         axes.spines["left"].set_visible(False)
         axes.locator_params(axis="x", nbins=4)
     if pair:
-        axes, values = parts["panel"], np.stack([draws[name].values for name in pair])
+        axes, values = panels[-1], np.stack([draws[name].values for name in pair])
         every = -(-values.shape[1] // _MAX_POINTS)
         axes.plot(*values[:, ::every], "C0.", markersize=3, alpha=0.6)
         if marks.keys() >= {*pair}:
