@@ -66,7 +66,7 @@ def plain_chain(count: int, steps: int) -> Points:
 
 
 def package_chain(model: Model, steps: int) -> Points:
-    walkers = posteriors()["registration"].plan().walkers
+    walkers = posteriors()["registration"].plan.walkers
     plan = Plan(1, walkers=walkers, steps=steps, warmup=200)
     return run_ensemble(model, plan, 0)[0]
 
@@ -145,7 +145,7 @@ def bench_misalignment_posterior(promise: Promise, name: str) -> None:
 
 def bench_all_posteriors_of_the_book(promise: Promise) -> None:
     """Compare the posteriors of the book with the same number of steps of emcee."""
-    declared = [(one.model(), one.plan()) for one in posteriors().values()]
+    declared = [(one.model(), one.plan) for one in posteriors().values()]
 
     def package() -> None:
         for model, plan in declared:

@@ -98,14 +98,14 @@ class Plan:
     - `seed`: root of all random numbers.
     - `ensembles`, `walkers`: independent ensembles (at least four for a displayed posterior,
       one per replicate in a calibration) and walkers in each; zero walkers is the default number.
-    - `steps`, `warmup`: kept steps, and dropped steps before them; zero is a quarter of the kept
-      steps, and 100 at least.
+    - `steps`, `warmup`: kept steps, by default more than fifty autocorrelation times, and dropped
+      steps before them; zero is a quarter of the kept steps, and 100 at least.
     """
 
     seed: int
     ensembles: int = 4
     walkers: int = 0
-    steps: int = 1000
+    steps: int = 270
     warmup: int = 0
 
     def __post_init__(self) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cache, partial
 from hashlib import sha256
 from importlib.util import find_spec
 from typing import Any
@@ -19,8 +19,8 @@ from reproduce.store.points import DataTable, TableFileError, computing, is_tabl
 
 # Your data, their model, and remarks on them.
 Supplied = tuple[DataTable | None, Model, list[str]]
-# Sampled steps of an ensemble: more than fifty autocorrelation times.
-_STEPS = 270
+# Numbers of a sampling run, with the seed of the book.
+book_plan = partial(Plan, ROOT_SEED)
 
 
 @cache
@@ -53,8 +53,7 @@ class Declaration:
     - `read`: function of your file or table and keyword arguments. It raises `ValueError` for
       unusable data.
     - `accepts`: names of these arguments of `reproduce.posterior`, in addition to ``sep``.
-    - `steps`, `walkers`: sampled steps and walkers of an ensemble; zero walkers is the default
-      number.
+    - `plan`: its sampling plan.
     - `summary`: names of quantities for the table of all posteriors, each with the address of its
       printed cell or with a label.
     """
@@ -68,8 +67,7 @@ class Declaration:
     columns: tuple[str, ...] = ()
     read: Callable[..., Supplied] | None = None
     accepts: tuple[str, ...] = ()
-    steps: int = _STEPS
-    walkers: int = 0
+    plan: Plan = field(default_factory=book_plan)
     summary: Mapping[str, str] = field(default_factory=dict)
 
     def model(self, data_seed: int | None = None) -> Model:
@@ -89,11 +87,6 @@ class Declaration:
         cells = sorted(load_inputs(self.inputs).cells.items())
         texts = "".join(f"{address} {cell.text}\n" for address, cell in cells)
         return sha256(texts.encode()).hexdigest()
-
-    def plan(self, **numbers: int) -> Plan:
-        """Return the sampling plan of the book, or a plan with other numbers of `Plan`."""
-        book = Plan(ROOT_SEED, walkers=self.walkers, steps=self.steps)
-        return replace(book, **numbers)
 
     def supplied(self, data: Any, settings: dict[str, Any]) -> Supplied:
         """Return your data, their model and remarks, or the model with the data of the book.

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache, cached_property
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -56,7 +56,7 @@ _NAMES_WIDTH = 40
 @cache
 def book_posterior(name: str) -> PosteriorSamples:
     """Return a posterior of the book, which only one process of a build samples."""
-    model, plan = posteriors()[name].model(), posteriors()[name].plan()
+    model, plan = posteriors()[name].model(), posteriors()[name].plan
 
     def dump(samples: PosteriorSamples) -> bytes:
         content = BytesIO()
@@ -94,9 +94,8 @@ class Posterior(ResultView):
         self.declared, self._priors = posteriors()[name], _named(priors)
         settings = without_none(settings)
         self._arguments = {"data": data, **settings}
-        self.plan = self.declared.plan(
-            **{key: settings.pop(key) for key in _NUMBERS[1:] if key in settings}
-        )
+        numbers = {n: settings.pop(n) for n in _NUMBERS[1:] if n in settings}
+        self.plan = replace(self.declared.plan, **numbers)
         self._table, model, self.remarks = self.declared.supplied(data, settings)
         self.model = model.with_priors(self._priors)
 

@@ -29,7 +29,7 @@ from reproduce.papers.chen2023.platform import (
     platform_of,
     square_ratio,
 )
-from reproduce.papers.posteriors import Declaration, Supplied
+from reproduce.papers.posteriors import Declaration, Supplied, book_plan
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
@@ -171,7 +171,7 @@ POSTERIORS = (
         "Drifting misalignment from laser spots",
         build=partial(_misalignment, drifts=True),
         read=partial(_your_model, drifts=True),
-        steps=330,
+        plan=book_plan(steps=330),
         summary={f"drift-{axis}": f"Drift about {axis.upper()}" for axis in "xyz"},
     ),
 )

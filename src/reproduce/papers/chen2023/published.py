@@ -14,7 +14,7 @@ from reproduce.inference.models import AveragedNoise, StageAngles
 from reproduce.papers.chen2023.accuracy import COUNTS, FRAMES
 from reproduce.papers.chen2023.effectiveness import stage_motions
 from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
-from reproduce.papers.posteriors import Declaration
+from reproduce.papers.posteriors import Declaration, book_plan
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
@@ -107,8 +107,7 @@ POSTERIORS = (
         ),
         _stage,
         _NO_FILE,
-        steps=600,
-        walkers=96,
+        plan=book_plan(steps=600, walkers=96),
         summary={"focal-length": TELESCOPE},
     ),
 )

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from reproduce.inference import Derived, Model, models
 from reproduce.papers.niu2024 import published, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.posteriors import Declaration, Supplied
+from reproduce.papers.posteriors import Declaration, Supplied, book_plan
 from reproduce.physics.optics import angle_from_pixels, channel_centroids
 from reproduce.physics.registration import (
     Problem,
@@ -188,7 +188,7 @@ POSTERIORS = (
         "Registration of one channel: similarity and Gaussian noise",
         build=_model,
         read=_your_registration,
-        walkers=240,
+        plan=book_plan(walkers=240),
     ),
     _STARS(
         "registration-mixture",
@@ -197,8 +197,7 @@ POSTERIORS = (
             _model, kind=models.MixtureRegistration.of, wrong=_FALSE_FRACTION
         ),
         read=partial(_your_registration, kind=models.MixtureRegistration.of),
-        steps=350,
-        walkers=96,
+        plan=book_plan(steps=350, walkers=96),
     ),
     _RED(
         "registration-distortion",

@@ -22,7 +22,7 @@ from reproduce.papers.charts import Figure, set_size
 from reproduce.papers.declare import Rows, draws, item_text, studied
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.simulation import CHANNELS, REGISTERED, ROWS
-from reproduce.papers.posteriors import Declaration
+from reproduce.papers.posteriors import Declaration, book_plan
 from reproduce.physics.optics import Camera, channel_centroids
 from reproduce.physics.registration import RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray
@@ -119,8 +119,7 @@ def _declaration(kind: str, channel: str) -> Declaration:
         (*design, *summary.values(), points, residuals.format(channel)),
         partial(_model, kind=kind, channel=channel),
         "its data are the printed estimates; registration takes stars",
-        steps=450,
-        walkers=240,
+        plan=book_plan(steps=450, walkers=240),
         summary=summary,
     )
 
