@@ -186,11 +186,10 @@ class Posterior(ResultView):
     @property
     def data_text(self) -> str:
         """Data in one line."""
-        declared, table = self.declared, self._table
-        if not table:
+        if not (table := self._table):
             simulated = "simulated by us with printed settings of"
-            text = simulated if self.truth else "as printed in"
-            return f"{text} {declared.paper}"
+            source = simulated if self.truth else "as printed in"
+            return f"{source} {self.declared.paper}"
         text = f"of {Path(table.path).name}, {len(table.values)} rows"
         if pivot := self.data_record.get("pivot"):
             text += ", pivot ({:.6g}, {:.6g}) px".format(*pivot)
@@ -464,14 +463,14 @@ class Posterior(ResultView):
     def record(self) -> dict[str, Any]:
         """Return the summary with its provenance for other programs."""
         samples, priors = self.sampled, self.priors.reset_index(names="name")
-        sizes = zip(
-            ("ensembles", "steps", "walkers"), samples.chain.shape, strict=False
-        )
+        ensembles, steps, walkers, _ = samples.chain.shape
         stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
         return {
             "model": self.name,
             "seed": samples.seed,
-            **dict(sizes),
+            "ensembles": ensembles,
+            "steps": steps,
+            "walkers": walkers,
             "acceptance": samples.acceptance.tolist(),
             "parameters": [asdict(row) for row in samples.summaries],
             "priors": priors.to_dict("records"),
@@ -485,26 +484,19 @@ class Posterior(ResultView):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the summary, the convergence, the wrong matches, and warnings."""
-        truth, rows = self.truth, []
-        for row in self.sampled.summaries:
-            mean, ends = interval(row)
-            rows.append(
-                {
-                    "Quantity": row.name + _in_brackets(row.unit),
-                    "truth": truth.get(row.name, ""),
-                    "mean ± sd": mean,
-                    "95 % interval": ends,
-                }
-            )
+        samples, truth = self.sampled, self.truth
+        rows = [
+            (row.name + _in_brackets(row.unit), truth.get(row.name, ""), *interval(row))
+            for row in samples.summaries
+        ]
+        columns = ["Quantity", "truth", "mean ± sd", "95 % interval"]
         changed = f" Changed: {self.changes}." if self.changes else ""
-        yield Grid.of(
+        yield Grid.of_frame(
             f"Posterior {self.name}, data {self.data_text}.{changed}",
-            rows[0],
-            rows,
-            digits=6,
-            identifier=f"posterior-{self.name}" if self._in_book else "",
+            pd.DataFrame(rows, columns=columns).set_index("Quantity"),
+            identifier=f"posterior-{self.name}" * self._in_book,
         )
-        samples, frame = self.sampled, self.frame()
+        frame = self.frame()
         ensembles, steps, walkers = samples.chain.shape[:3]
         yield (
             f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {samples.seed}; "
