@@ -159,8 +159,9 @@ def _of_cell(record: Record) -> Iterator[tuple[str, str]]:
     yield "agreeing", str(summary.agreeing)
     yield "agrees-if", str(shown["agrees with"])
     others = {"closest-computed": summary.closest}
-    for reading in evaluate(made).cells[record.printed_cell.name]:
-        changed = reading.choices.items() - made.literal.items()
+    found = evaluate(made).cells[record.printed_cell.name]
+    for choices, reading in zip(made.readings, found, strict=True):
+        changed = choices.items() - made.literal.items()
         if len(changed) == 1:
             others["-".join(("if", *changed.pop()))] = reading
     for name, reading in others.items():

@@ -50,12 +50,14 @@ def conditional(a, b):
 
 
 def test_every_combination_is_evaluated():
-    seen = []
-    computation = made_up(lambda a, b: seen.append((a, b)) or 0.5)
-    found = readings.evaluate(computation).cells[CELL]
+    @reproduces(TABLE, cells=[CELL], options=OPTIONS)
+    def computation(inputs, *, a, b, c):
+        return {CELL: float(every.index((a, b, c)))}
+
     every = list(product(*OPTIONS.values()))
-    assert [tuple(one.choices.values()) for one in found] == every
-    assert set(seen) == {(a, b) for a, b, _ in every}
+    found = readings.evaluate(computation).cells[CELL]
+    assert [one.computed for one in found] == list(range(len(every)))
+    assert [tuple(one.values()) for one in computation.readings] == every
 
 
 def test_the_readings_of_an_item_are_the_product_of_the_options_in_its_data():
@@ -130,7 +132,7 @@ def test_three_readings_of_a_stored_computation_are_computed_again(name):
     places = np.random.default_rng(len(every)).choice(
         range(1, len(every)), 3, replace=False
     )
-    again = readings.packed(
+    again = recompute.packed(
         readings.evaluate_readings(computation, [every[i] for i in places])
     )
     stored, _ = readings._study()

@@ -31,11 +31,21 @@ def stored_computations() -> dict[str, Computation]:
     return {one.name: one for one in every if one.replicates and one.options}
 
 
+def packed(evaluation: readings.Evaluation) -> dict[str, Array]:
+    """Return an evaluation as arrays, by the names under which the study stores them."""
+    lead, cells = f"{evaluation.computation.name}:", evaluation.cells.items()
+    arrays = {
+        f"{lead}{name}": np.array([*map(readings.stored_row, one)])
+        for name, one in cells
+    }
+    return {**arrays, f"{lead}joint": evaluation.joint}
+
+
 def _evaluate(task: tuple[str, int]) -> dict[str, Array]:
     name, first = task
     computation = stored_computations()[name]
     part = computation.readings[first : first + READINGS_PER_TASK]
-    return readings.packed(readings.evaluate_readings(computation, part))
+    return packed(readings.evaluate_readings(computation, part))
 
 
 def evaluate_readings(executor: Executor) -> StoredStudy:

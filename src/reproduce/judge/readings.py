@@ -83,7 +83,7 @@ class Evaluation:
     def results(self, name: str) -> list[str]:
         """Return the result of a cell under every reading as text, equal for equal results."""
         return [
-            " ".join(map("{:.9e}".format, _row(reading)[:4]))
+            " ".join(map("{:.9e}".format, stored_row(reading)[:4]))
             for reading in self.cells[name]
         ]
 
@@ -96,16 +96,18 @@ class Evaluation:
 
         Each contains the choices that affect its result.
         """
-        results, readings = self._by_option(self.results(name)), self.cells[name]
-        different = []
+        results, different = self._by_option(self.results(name)), []
         for first in np.sort(np.unique(results, return_index=True)[1]):
             place = np.unravel_index(first, results.shape)
             affecting = {
                 option: choice
-                for i, (option, choice) in enumerate(readings[first].choices.items())
+                for i, (option, choice) in enumerate(
+                    self.computation.readings[first].items()
+                )
                 if len({*results[(*place[:i], slice(None), *place[i + 1 :])]}) > 1
             }
-            different.append(readings[first].model_copy(update={"choices": affecting}))
+            reading = self.cells[name][first]
+            different.append(reading.model_copy(update={"choices": affecting}))
         return different
 
     def summary(self, name: str) -> ReadingSummary:
@@ -166,15 +168,14 @@ def evaluate(computation: Computation) -> Evaluation:
     for name, (reading,) in literal.cells.items():
         known = arrays[f"{computation.name}:{name}"]
         # Without the error of the median, which may change more.
-        row, first = _row(reading)[:4], known[0, :4]
+        row, first = stored_row(reading)[:4], known[0, :4]
         draws = _NOISE_DRAWS / computation.replicates
         if not np.allclose(row, first, 1e-6, [0.0, 0.0, 0.0, draws]):
             raise _stale(f"{computation.key}#{name} is {row}, stored {first.tolist()}")
         # The stored numbers of the literal reading too: rounding noise must not split readings.
-        rows = zip(computation.readings, known.tolist(), strict=True)
         cells[name] = [
-            judge_summary(table[name].number, choices, row, computation.replicates)
-            for choices, row in rows
+            judge_summary(table[name].number, numbers, computation.replicates)
+            for numbers in known.tolist()
         ]
     return Evaluation(computation, cells, arrays[f"{computation.name}:joint"])
 
@@ -202,9 +203,9 @@ def evaluate_readings(
             if name in allowed:
                 low, high, wide = allowed[name]
                 ends = low / unit, high / unit
-                reading = judge_value(cell.number, scaled, ends, choices, wide=wide)
+                reading = judge_value(cell.number, scaled, ends, wide=wide)
             else:
-                reading = judge_prediction(cell.number, scaled, choices)
+                reading = judge_prediction(cell.number, scaled)
                 if np.ptp(scaled) > 0 and not cell.unpublished:
                     draws.append(scaled)
                     intervals.append(cell.number.interval())
@@ -217,17 +218,10 @@ def evaluate_readings(
     return Evaluation(computation, by_cell, np.array(joint))
 
 
-def _row(reading: Reading) -> list[float]:
+def stored_row(reading: Reading) -> list[float]:
     """Return the numbers of a predicted cell that the study stores."""
     ends = reading.computed, *reading.interval
     return [*ends, reading.probability or 0.0, reading.error or 0.0]
-
-
-def packed(evaluation: Evaluation) -> dict[str, _Array]:
-    """Return an evaluation as arrays, by the names under which the study stores them."""
-    lead, cells = f"{evaluation.computation.name}:", evaluation.cells.items()
-    arrays = {f"{lead}{name}": np.array([*map(_row, one)]) for name, one in cells}
-    return {**arrays, f"{lead}joint": evaluation.joint}
 
 
 def fingerprint(computation: Computation) -> str:

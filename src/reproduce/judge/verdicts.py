@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Literal, get_args
 
 import numpy as np
@@ -72,7 +72,7 @@ class Comparison(Frozen):
 class Reading(Comparison):
     """Comparison of a cell under one reading of the text."""
 
-    choices: dict[str, str]
+    choices: dict[str, str] = {}
     """alternative of each option that affects the cell"""
     computed: float
     """value, or median of the prediction"""
@@ -86,7 +86,6 @@ def judge_value(
     printed: PrintedNumber,
     value: float,
     interval: tuple[float, float],
-    choices: Mapping[str, str] = {},
     *,
     wide: bool = False,
 ) -> Reading:
@@ -100,8 +99,6 @@ def judge_value(
         Result, in the printed unit.
     interval : tuple of float
         Results that rounded inputs allow, in the printed unit.
-    choices : mapping, optional
-        Options of the reading to their alternatives.
     wide : bool
         Whether the result depends on an input that is printed as about or nominal.
 
@@ -136,7 +133,6 @@ def judge_value(
         # A count has no digit to round.
         share = abs(value - printed.value) / (printed.half_width or math.inf)
     return Reading(
-        choices=dict(choices),
         verdict="exact" if agrees else "differs",
         computed=value,
         interval=interval,
@@ -164,11 +160,7 @@ def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
     return not dataclasses.replace(printed, qualifier="").overlaps(value, value)
 
 
-def judge_prediction(
-    printed: PrintedNumber,
-    draws: _FloatArray,
-    choices: Mapping[str, str] = {},
-) -> Reading:
+def judge_prediction(printed: PrintedNumber, draws: _FloatArray) -> Reading:
     """Compare a predicted distribution with a printed random or measured number.
 
     The probability is twice the smaller tail beyond the printed interval, with half of the draws
@@ -180,8 +172,6 @@ def judge_prediction(
         Printed number.
     draws : ndarray, shape (n,)
         Draws of the prediction, in the printed unit.
-    choices : mapping, optional
-        Options of the reading to their alternatives.
 
     Returns
     -------
@@ -214,14 +204,11 @@ def judge_prediction(
         min(1.0, 2.0 * tail / draws.size),
         np.ptp(np.quantile(draws, [0.5 - half_step, 0.5 + half_step])) / 2,
     )
-    return judge_summary(printed, choices, map(float, summary), draws.size)
+    return judge_summary(printed, map(float, summary), draws.size)
 
 
 def judge_summary(
-    printed: PrintedNumber,
-    choices: Mapping[str, str],
-    summary: Iterable[float],
-    replicates: int,
+    printed: PrintedNumber, summary: Iterable[float], replicates: int
 ) -> Reading:
     """Compare the summary of a predicted distribution with a printed number.
 
@@ -229,8 +216,6 @@ def judge_summary(
     ----------
     printed : PrintedNumber
         Printed number.
-    choices : mapping
-        Options of the reading to their alternatives.
     summary : iterable of float
         Median, bounds of the central interval, probability of the printed number, and Monte Carlo
         error of the median.
@@ -247,7 +232,6 @@ def judge_summary(
     # (k + 1/2)/(n + 1) in place of k/n, so that a count of zero does not claim a zero error.
     smoothed = (probability / 2 * replicates + 0.5) / (replicates + 1)
     return Reading(
-        choices=dict(choices),
         verdict="consistent" if consistent else "differs",
         computed=computed,
         interval=(low, high),
