@@ -16,7 +16,6 @@ from typing import Any, TypedDict
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
-from sphinx.environment.collectors import EnvironmentCollector
 
 from after_build import SAFE, after_build
 
@@ -56,36 +55,22 @@ class Outputs(TypedDict):
 
 
 def outputs(env: BuildEnvironment) -> dict[str, Outputs]:
-    """Return the outputs of each page."""
-    return env.domaindata.setdefault("outputs", {})
+    """Return the outputs of each page, which Sphinx keeps among its metadata."""
+    return {
+        page: found["outputs"]
+        for page, found in env.metadata.items()
+        if "outputs" in found
+    }
 
 
-class Collector(EnvironmentCollector):
-    """Collects the anchors, figures and equations of each page as it is read."""
-
-    def clear_doc(self, app: Sphinx, env: BuildEnvironment, docname: str) -> None:
-        """Remove a page."""
-        outputs(env).pop(docname, None)
-
-    def merge_other(
-        self,
-        app: Sphinx,
-        env: BuildEnvironment,
-        docnames: set[str],
-        other: BuildEnvironment,
-    ) -> None:
-        """Add the pages of a parallel reader."""
-        found = outputs(other)
-        outputs(env).update({page: found[page] for page in docnames if page in found})
-
-    def process_doc(self, app: Sphinx, doctree: nodes.document) -> None:
-        """Store the outputs of a page."""
-        text = "".join(output.astext() for output in doctree.findall(nodes.raw))
-        outputs(app.env)[app.env.docname] = {
-            "anchors": ID.findall(text),
-            "figures": FIGURE.findall(text),
-            "cards": dict(cards(doctree, text)),
-        }
+def collect(app: Sphinx, doctree: nodes.document) -> None:
+    """Store the anchors, figures and equations of a page as it is read."""
+    text = "".join(output.astext() for output in doctree.findall(nodes.raw))
+    app.env.metadata[app.env.docname]["outputs"] = {
+        "anchors": ID.findall(text),
+        "figures": FIGURE.findall(text),
+        "cards": dict(cards(doctree, text)),
+    }
 
 
 def cards(doctree: nodes.document, text: str) -> Iterator[tuple[str, str]]:
@@ -109,8 +94,10 @@ def pages(env: BuildEnvironment) -> dict[str, str]:
     found = {f"equation-{label}": page for label, (page, _) in equations.items()}
     return found | {
         name: page
-        for page in sorted(outputs(env), key=lambda page: ("/" in page, page))
-        for name in outputs(env)[page]["anchors"]
+        for page, held in sorted(
+            outputs(env).items(), key=lambda one: ("/" in one[0], one[0])
+        )
+        for name in held["anchors"]
     }
 
 
@@ -166,7 +153,7 @@ def write(app: Sphinx) -> None:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers."""
-    app.add_env_collector(Collector)
+    app.connect("doctree-read", collect)
     app.connect("doctree-resolved", number)
     after_build(app, write)
     return SAFE

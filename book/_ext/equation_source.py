@@ -7,7 +7,6 @@ function to the equation.
 import ast
 from collections.abc import Iterator
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from sphinx.transforms import SphinxTransform
 
 from after_build import SAFE
 from paper_links import claimed
+from reproduce import physics
 
 
 class Source(NamedTuple):
@@ -30,15 +30,8 @@ class Source(NamedTuple):
 @cache
 def implementations() -> dict[str, list[Source]]:
     """Return the functions that implement each equation, by the equation's label."""
-    package = find_spec("reproduce")
-    if package is None or package.submodule_search_locations is None:
-        raise RuntimeError(
-            "reproduce: expected an installed package, got none. Run `make book`."
-        )
     found: dict[str, list[Source]] = {}
-    for path in sorted(
-        (Path(package.submodule_search_locations[0]) / "physics").rglob("*.py")
-    ):
+    for path in sorted(Path(physics.__path__[0]).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         lines = text.splitlines()
         for name, claim, node in functions(ast.parse(text)):
