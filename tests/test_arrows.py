@@ -20,7 +20,10 @@ ARROWS = {
         *{"locate.papers", "locate.search_path"},
         *{"locate.data_files", "locate.read_toml"},
     },
-    "judge": {"judge", "papers", "printed", "locate", "store.studies"},
+    "judge": {
+        *{"judge", "papers", "printed", "locate", "store.studies"},
+        *{"physics.validate"},
+    },
     "consistency": {"consistency", "printed", "physics", "units"},
     "views": {
         *{"views", "judge", "consistency", "inference", "store", "printed", "papers"},

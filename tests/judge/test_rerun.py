@@ -10,7 +10,6 @@ import reproduce as rp
 from reproduce.judge import rerun
 from reproduce.judge.ledger import record_of
 from reproduce.judge.readings import evaluate
-from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import changeable, computations
 from reproduce.printed.cells import find
@@ -103,7 +102,7 @@ def test_only_inputs_of_an_item_can_be_changed():
             for cell in find(pattern)
             if cell.is_number
         }
-        with pytest.raises(CannotChangeError, match=r"#matched-stars: ") as refused:
+        with pytest.raises(ValueError, match=r"#matched-stars: ") as refused:
             rerun.Rerun(key, {"niu2024/text-context#matched-stars": "4"})
         named = str(refused.value).partition("such as ")[2].partition(". All")[0]
         assert set(named.split(", ")) <= set(allowed)
@@ -112,7 +111,7 @@ def test_only_inputs_of_an_item_can_be_changed():
         ("niu2024/text-simulation#noize", "niu2024/text-simulation#noise"),
         ("focal-length", "niu2024/table-1#focal-length.red"),
     ):
-        with pytest.raises(CannotChangeError, match=rf"^{stray}: .* such as {first}"):
+        with pytest.raises(ValueError, match=rf"^{stray}: .* such as {first}"):
             rerun.Rerun("niu2024/table-3", {stray: "1"})
 
 
@@ -124,12 +123,12 @@ def test_seed_and_replicates_are_changes():
     assert first.changes == {"seed": "7", "replicates": "50"}
     assert cells(first)["scale.red"].value != cells(other)["scale.red"].value
     for name in ("seed", "replicates"):
-        for key, value in (
-            ("niu2024/table-2", 9),
-            ("niu2024/table-3", -1),
-            ("niu2024/table-3", True),
+        for key, value, error in (
+            ("niu2024/table-2", 9, ValueError),
+            ("niu2024/table-3", -1, ValueError),
+            ("niu2024/table-3", True, TypeError),
         ):
-            with pytest.raises(CannotChangeError, match=f"^{name}: "):
+            with pytest.raises(error, match=f"^{name}: "):
                 rerun.Rerun(key, **{name: value})
 
 
@@ -147,7 +146,7 @@ def test_a_seed_counts_if_random_numbers_are_drawn_between_a_change_and_an_item(
         for seed in (7, 8)
     )
     assert first.value != other.value
-    with pytest.raises(CannotChangeError, match=r"^seed: "):
+    with pytest.raises(ValueError, match=r"^seed: "):
         rerun.Rerun(key, {"chen2023/table-4#1.transform-x": "0.9″"}, seed=7)
 
 
@@ -180,13 +179,13 @@ def test_options_with_a_change_have_no_verdict():
 def test_changes_that_do_not_fit_are_named():
     for cell, value in (("test-points", "1041"), ("noise", "-1 px")):
         changes = {f"niu2024/text-simulation#{cell}": value}
-        with pytest.raises(CannotChangeError, match=f"{cell}.*{value}"):
+        with pytest.raises(ValueError, match=f"{cell}.*{value}"):
             cells(rerun.Rerun("niu2024/text-simulation", changes, replicates=5))
     window = "chen2023/text-resolution#window-x"
-    with pytest.raises(CannotChangeError, match=rf"{window}: expected a whole .* 5\.4"):
+    with pytest.raises(ValueError, match=rf"{window}: expected a whole .* 5\.4"):
         cells(rerun.Rerun("chen2023/text-resolution", {window: "5.4 px"}, replicates=5))
     for value in ("0.2", "0.2 mm", "0.2 parsec", "much", "", "1e999 px", "1.2.3 px"):
-        with pytest.raises(CannotChangeError, match=f"{NOISE}: .*'{value}'"):
+        with pytest.raises(ValueError, match=f"{NOISE}: .*'{value}'"):
             rerun.Rerun("niu2024/table-3", {NOISE: value})
 
 
@@ -195,10 +194,10 @@ def test_changes_that_are_no_mapping_of_addresses_are_named():
     for view, changes in itertools.product(views, ("x", {5: "1"})):
         with pytest.raises(TypeError, match=r"^changes: "):
             view.rerun(changes)
-    with pytest.raises(CannotChangeError, match="which has none"):
+    with pytest.raises(ValueError, match="which has none"):
         rp.table("niu2024/table-1").rerun({"a": "1"})
     for choice in ("x", ["green"]):
-        with pytest.raises(CannotChangeError, match=r"^noise: "):
+        with pytest.raises(ValueError, match=r"^noise: "):
             views[0].rerun(noise=choice)
 
 

@@ -93,7 +93,7 @@ REJECTED = {
         f"show {TABLE} --option noise=green --option noise=green",
         f"show {TABLE} --set {NOISE}=0.1px --set {NOISE}=0.2px",
     ],
-    "from 2 to 100,000": [f"show {TABLE} --replicates 100001"],
+    "100,000 at most": [f"show {TABLE} --replicates 100001"],
     "chen2023/heat": ["show chen2023/heat --replicates 9"],
     "supplementary table": ["check chen2023/heat"],
 }

@@ -33,6 +33,7 @@ from reproduce.papers.declare import (
     computations,
     upstream,
 )
+from reproduce.physics.validate import whole_number, without_none
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import Interval, minus, si_factor
@@ -40,14 +41,10 @@ from reproduce.printed.quantity import si_value
 
 # Relative difference of two results that rounding noise can explain.
 _NOISE_RATIO = 1e-9
-# More replicates would only fill the memory.
-_MAX_REPLICATES = 100_000
+# Smallest and largest numbers. More replicates would only fill the memory.
+_RANGES = {"seed": (0, math.inf), "replicates": (2, 100_000)}
 # Cells that a message suggests instead of a cell that is not an input.
 _MAX_SUGGESTED = 5
-
-
-class CannotChangeError(ValueError):
-    """Raised for a cell that is not an input, a value that does not fit, or an unknown option."""
 
 
 class _ChangedCell(NamedTuple):
@@ -109,7 +106,7 @@ def effective_change(address: str) -> tuple[str, str] | None:
         for units, cell in product((1, 10), cells):
             number = Decimal(cell.text) + Decimal(units).scaleb(cell.number.exponent)
             change = cell.address, f"{number:f} {cell.symbol}".strip()
-            with suppress(CannotChangeError):
+            with suppress(ValueError):
                 if _texts(result.key, change)[result.name] != texts[result.name]:
                     return change
     return None
@@ -134,41 +131,29 @@ def checked_values(key: str, changes: object) -> dict[str, float]:
             f"changes: expected a mapping of addresses to values, got {changes!r}. Write "
             "{address: value}"
         )
-    allowed, values = changeable(key), {}
-    for address, text in changes.items():
+    allowed = changeable(key)
+    for address in changes:
         if address not in allowed:
             similar = difflib.get_close_matches(address, allowed, _MAX_SUGGESTED, 0)
             known = f"such as {', '.join(similar)}. All {len(allowed)} are in `.inputs`"
-            raise CannotChangeError(
+            raise ValueError(
                 f"{address}: expected an input of {key}, {known if allowed else 'which has none'}"
             )
-        try:
-            values[address] = si_value(find(address)[0], text)
-        except ValueError as error:
-            raise CannotChangeError(str(error)) from error
-    return values
+    return {
+        address: si_value(find(address)[0], text) for address, text in changes.items()
+    }
 
 
-def _check_randomness(
-    key: str, random: bool, seed: int | None, replicates: int | None
-) -> None:
+def _check_randomness(key: str, random: bool, settings: Mapping[str, int]) -> None:
     """Raise an error for a seed or a number of replicates that an object cannot take."""
-    for name, number, least, greatest in (
-        ("seed", seed, 0, math.inf),
-        ("replicates", replicates, 2, _MAX_REPLICATES),
-    ):
-        expected = f"None, since {key} draws no random numbers"
-        if random:
-            expected = f"a whole number from {least}"
-            expected += f" to {greatest:,}" if greatest < math.inf else " up"
-            if (
-                isinstance(number, int | np.integer)
-                and not isinstance(number, bool)
-                and least <= number <= greatest
-            ):
-                continue
-        if number is not None:
-            raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")
+    for name, number in settings.items():
+        if not random:
+            raise ValueError(
+                f"{name}: expected None, since {key} draws no random numbers, got {number!r}"
+            )
+        least, greatest = _RANGES[name]
+        if whole_number(name, number, least=least) > greatest:
+            raise ValueError(f"{name}: expected {greatest:,} at most, got {number}")
 
 
 class Rerun:
@@ -201,7 +186,7 @@ class Rerun:
 
     Raises
     ------
-    CannotChangeError
+    ValueError
         If a cell is not an input, a value does not fit, or an option is unknown.
     """
 
@@ -218,8 +203,9 @@ class Rerun:
         self.key, self._seed, self._replicates = key, seed, replicates
         self.options, changes = dict(chosen), changes or {}
         self._values = checked_values(key, changes)
-        given = {**changes, "seed": seed, "replicates": replicates}
-        self.changes = {n: str(text) for n, text in given.items() if text is not None}
+        settings = without_none({"seed": seed, "replicates": replicates})
+        given = {**changes, **settings}.items()
+        self.changes = {name: str(value) for name, value in given}
         self.replaced: dict[str, float] = {}
         self.results = cache(self._computed)
         known = options(key)
@@ -228,7 +214,7 @@ class Rerun:
                 listed = "; ".join(
                     f"{n} ({', '.join(choices)})" for n, choices in known.items()
                 )
-                raise CannotChangeError(
+                raise ValueError(
                     f"{name}: expected an option of {key}, {listed or 'which has none'}, got "
                     f"{alternative!r}. Choose an alternative"
                 )
@@ -236,7 +222,7 @@ class Rerun:
         if not random:  # perhaps between a change and the inputs
             above = filter(None, map(computation_for, changeable(key)))
             random = any(c.replicates and self._reaches(c.inputs) for c in above)
-        _check_randomness(key, random, seed, replicates)
+        _check_randomness(key, random, settings)
 
     @property
     def is_reading(self) -> bool:
@@ -278,7 +264,7 @@ class Rerun:
                 yield
         except (ValueError, ArithmeticError, LookupError, MemoryError) as error:
             setting = ", ".join(map(" = ".join, (self.changes | self.options).items()))
-            raise CannotChangeError(
+            raise ValueError(
                 f"{self.key} cannot be computed with {setting}: {error}"
             ) from error
 

@@ -201,7 +201,7 @@ class Rerunnable(ItemView):
             numbers.
         """
         if others:
-            raise rerun.CannotChangeError(
+            raise ValueError(
                 f"{next(iter(others))}: expected changes or a seed for {self.key}. Leave it out"
             )
         seed = self.seed if seed is None else seed

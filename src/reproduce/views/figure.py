@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.charts import NARROW
@@ -329,12 +328,12 @@ class Panels(Display, list[Figure]):
 
         Raises
         ------
-        CannotChangeError
+        ValueError
             If no panel has the input, or no panel draws random numbers.
         """
         changes = changes or {}
         if unknown := set(changes).difference(*(panel.inputs for panel in self)):
-            raise CannotChangeError(
+            raise ValueError(
                 f"changes: expected inputs of the panels, got {', '.join(map(str, unknown))}. "
                 "`inputs` of each panel lists them."
             )
