@@ -7,7 +7,7 @@ converges, or a chain of frames closes. The form of this package runs next to th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from math import isclose
 from typing import Any
 
@@ -31,20 +31,21 @@ class Demonstration:
     """An equation, run as extracted.
 
     - `name`: name of the equation.
-    - `place`: passage of the paper.
-    - `asked`: the test.
     - `printed`, `right`, `wanted`: result of the extracted form, of the form of this package, and
       the correct result.
+    - `place`: passage of the paper.
+    - `asked`: the test.
     - `meaning`: the compared quantity.
     - `assumption`: assumption that the paper does not state.
     """
 
     name: str
-    place: str
-    asked: str
     printed: float
     right: float
     wanted: float
+    _: KW_ONLY
+    place: str
+    asked: str
     meaning: str
     assumption: str = ""
 
@@ -58,14 +59,13 @@ class Demonstration:
 
 def demonstrations(
     cells: Mapping[str, PrintedCell], texts: Mapping[str, Any]
-) -> tuple[Demonstration, ...]:
+) -> list[Demonstration]:
     """Run the equations that a paper declares, with their texts by name."""
     inputs = Inputs(cells, ROOT_SEED)
-    return tuple(
-        Demonstration(name, printed=printed, right=right, wanted=wanted, **text)
+    return [
+        Demonstration(name, *map(float, _RUNS[name](inputs)), **text)
         for name, text in texts.items()
-        for printed, right, wanted in [map(float, _RUNS[name](inputs))]
-    )
+    ]
 
 
 def _distortion_ratio(inputs: Inputs) -> _Values:
@@ -149,7 +149,8 @@ def _retroreflector(inputs: Inputs) -> _Values:
         )
         for turn in RADIANS_PER_ARCSEC * np.eye(3)
     )
-    return moved / RADIANS_PER_ARCSEC, moved / RADIANS_PER_ARCSEC, 0.0
+    ratio = moved / RADIANS_PER_ARCSEC
+    return ratio, ratio, 0.0
 
 
 def _roll_leak(inputs: Inputs) -> _Values:

@@ -103,13 +103,12 @@ class Agreement:
 def _gaps(
     relation: Relation,
     ends: _Ends,
-    sides: Mapping[str, float],
+    sides: Mapping[str, int],
     unknown: float,
 ) -> dict[str, float]:
     """Return left minus right in SI, with inputs at the ends of their intervals."""
     values = {
-        address: three[int(sides.get(address, 0.0)) + 1]
-        for address, three in ends.items()
+        address: three[sides.get(address, 0) + 1] for address, three in ends.items()
     }
     _, right, *lefts = relation.values(values, unknown)
     if relation.tolerance:
@@ -134,14 +133,14 @@ def _projection(relation: Relation, domain: Interval, ends: _Ends) -> Interval:
 
     low, high = domain
 
-    def root(sides: Mapping[str, float]) -> dict[str, float]:
+    def root(sides: Mapping[str, int]) -> dict[str, float]:
         def gap(value: float) -> float:
             return _gaps(relation, ends, sides, value)["0"]
 
         first, last = gap(low), gap(high)
         if first * last > 0:  # the root is outside of the domain
             return {"root": -math.inf if abs(first) < abs(last) else math.inf}
-        return {"root": float(brentq(gap, low, high, xtol=1e-300))}
+        return {"root": brentq(gap, low, high, xtol=1e-300)}
 
     least, greatest, _ = corner_intervals(root, ends)["root"]
     return max(least, low), min(greatest, high)
@@ -229,7 +228,5 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
         rule = rescued_by.get(relation.name, "")
-        results.append(
-            RelationResult(relation, outcome, float(left), float(right), rule)
-        )
+        results.append(RelationResult(relation, outcome, left, right, rule))
     return results

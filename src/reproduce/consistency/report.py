@@ -35,9 +35,9 @@ class Audit:
 
     name: str
     cells: Sheet
-    findings: tuple[examine.RelationResult, ...]
+    findings: list[examine.RelationResult]
     unknowns: dict[str, examine.Agreement]
-    equations: tuple[Demonstration, ...]
+    equations: list[Demonstration]
 
     @property
     def score(self) -> dict[str, int]:
@@ -89,7 +89,7 @@ def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
     return Audit(
         name=name,
         cells=cells,
-        findings=tuple(examine.examine(cells, relations)),
+        findings=examine.examine(cells, relations),
         unknowns=examine.agreements(cells, relations),
         equations=demonstrations(cells, declarations(name).get("equations", {})),
     )

@@ -262,7 +262,7 @@ def _why(cell: PrintedCell, reading: Reading) -> str:
     """Return the verdict of the literal reading in words."""
     agrees, p = reading.agrees, reading.probability
     numbers = (reading.computed, *reading.interval)
-    value, low, high = (cell.number.format(number, extra=1) for number in numbers)
+    value, low, high = map(cell.number.format, numbers)
     if p is not None:
         side = "inside" if agrees else "outside"
         chance = f"probability {p:.2g}" if p else "beyond every replicate"

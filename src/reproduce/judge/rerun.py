@@ -65,7 +65,7 @@ class _ChangedCell(NamedTuple):
     def texts(self) -> list[str]:
         """The displayed values without and with the change, and ends of the interval."""
         return [
-            "" if number is None else minus(self.cell.number.format(number, extra=1))
+            "" if number is None else minus(self.cell.number.format(number))
             for number in (self.unchanged, self.value, *(self.interval or (None, None)))
         ]
 
@@ -277,7 +277,7 @@ class Rerun:
         """Return the inputs that match patterns, with the changes and recomputed values."""
         inputs = load_inputs(patterns, self._seed)
         values = {address: self._input(address) for address in inputs.cells}
-        return inputs.changed({a: v for a, v in values.items() if v is not None})
+        return inputs.changed(without_none(values))
 
     def _input(self, address: str) -> float | None:
         """Return the value that replaces a printed input; None if the printed value remains."""

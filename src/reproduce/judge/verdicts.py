@@ -248,7 +248,7 @@ def central_interval(draws: _FloatArray) -> tuple[float, float]:
     """Return the bounds of the central 99 % of draws, in which a printed number is consistent."""
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
-    return float(low), float(high)
+    return low, high
 
 
 def joint_probability(
@@ -275,7 +275,7 @@ def joint_probability(
     Examples
     --------
     >>> draws = np.random.default_rng(1).normal(0.0, 1.0, (1, 2000))
-    >>> joint_probability(draws, np.array([[8.95, 9.05]]))[0] < 0.001
+    >>> print(joint_probability(draws, np.array([[8.95, 9.05]]))[0] < 0.001)
     True
     """
     from scipy.optimize import lsq_linear  # slow to import
@@ -289,7 +289,7 @@ def joint_probability(
     whitening = (vectors / np.sqrt(np.maximum(values, _MIN_EIGENVALUE))).T
     low, high = edges[:, 0], np.maximum(edges[:, 1], edges[:, 0] + _MIN_WIDTH_SIGMA)
     nearest = lsq_linear(whitening, np.zeros(len(edges)), (low, high), method="bvls")
-    farther = np.square(whitening @ draws).sum(axis=0) >= 2 * float(nearest.cost)
+    farther = np.square(whitening @ draws).sum(axis=0) >= 2 * nearest.cost
     size = draws.shape[1]
-    probability = (float(farther.mean()) * size + 1) / (size + 1)
+    probability = (farther.sum() + 1) / (size + 1)
     return probability, math.sqrt(probability * (1 - probability) / size)

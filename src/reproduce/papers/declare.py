@@ -320,7 +320,7 @@ class Study(PaperFunction):
 
         text = self.text
         heads = [column.name for column in text.columns]
-        frame = pd.DataFrame(list(self.function(inputs)), columns=heads)
+        frame = pd.DataFrame(self.function(inputs), columns=heads)
         for column in text.columns:
             if column.zero:
                 noise = frame[column.name].abs() < column.zero

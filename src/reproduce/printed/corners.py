@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 
 def corner_intervals(
-    results: Callable[[Mapping[str, float]], Mapping[str, float]], inputs: Iterable[str]
+    results: Callable[[Mapping[str, int]], Mapping[str, float]], inputs: Iterable[str]
 ) -> dict[str, tuple[float, float, list[str]]]:
     """Return the interval of each result over the rounding intervals of the inputs.
 
@@ -37,7 +37,7 @@ def corner_intervals(
     centre = results({})
     # An end precedes the printed value, in case of equal results.
     alone = {
-        moved: {side: results({moved: side}) for side in (-1.0, 1.0)} | {0.0: centre}
+        moved: {side: results({moved: side}) for side in (-1, 1)} | {0: centre}
         for moved in inputs
     }
     intervals = {}

@@ -146,16 +146,16 @@ class PrintedNumber:
         tolerance = _FLOAT_TOLERANCE * size
         return low <= end + tolerance and high >= start - tolerance
 
-    def format(self, value: float, extra: int = 0) -> str:
-        """Return `value` with the printed number of decimals, plus `extra`.
+    def format(self, value: float, extra: int = 1) -> str:
+        """Return `value` with `extra` decimals more than the printed number.
 
         A whole value of a count has no decimals.
 
         Examples
         --------
         >>> PrintedNumber("5.7e-5").format(5.68e-5)
-        '5.7e-5'
-        >>> PrintedNumber("8", exact=True).format(12, extra=1)
+        '5.68e-5'
+        >>> PrintedNumber("8", exact=True).format(12)
         '12'
         """
         _, mark, power = self.text.lower().partition("e")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import pandas as pd
 from markupsafe import Markup
 
@@ -69,7 +67,7 @@ class Readings(Display):
         columns = {name: frame[name] for name in options(self.key) if name in frame}
         for name in (name for name in map(str, frame) if f"{name} agrees" in frame):
             number = table[name].number
-            texts = frame[name].map(partial(number.format, extra=1)).map(minus)
+            texts = frame[name].map(number.format).map(minus)
             if f"{name} p" in frame:
                 texts = frame[f"{name} p"].map("{:.3g}".format)
             texts = texts.where(frame[name].notna(), "")

@@ -324,7 +324,7 @@ def _values(record: Record, form: str) -> dict[str, str]:
     In CSV unit, standard deviations and verdict have their own names.
     """
     cell, computed = record.printed_cell, verdicts.computed(record)
-    ends = [minus(cell.number.format(e, extra=1)) for e in record.interval or ()]
+    ends = [minus(cell.number.format(e)) for e in record.interval or ()]
     low, high = ends if len({*ends}) > 1 else ("", "")
     texts = {
         "printed": verdicts.printed(cell),

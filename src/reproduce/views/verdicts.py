@@ -129,7 +129,7 @@ def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
     """Return an interval of a record; empty if it is open or a point."""
     if not ends or None in ends or len({*ends}) == 1:
         return ""
-    texts = (record.printed_cell.number.format(end or 0.0, extra=1) for end in ends)
+    texts = (record.printed_cell.number.format(end or 0.0) for end in ends)
     return _with_unit(record, " to ".join(texts))
 
 
