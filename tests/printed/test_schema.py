@@ -4,7 +4,7 @@ import copy
 
 import pytest
 
-from reproduce.printed.cells import _build
+from reproduce.printed.cells import _build, _File
 
 GROUP = {
     "title": "A group",
@@ -27,6 +27,10 @@ TABLE = {
         {"id": "two", "label": "Two", "cells": ["3", "4"]},
     ],
 }
+
+
+def build(content, key):
+    return _build(_File.model_validate(content), key)
 
 
 def changed(base, change):
@@ -62,17 +66,17 @@ VALUES = {
 def test_faults_are_named():
     for base, change, named in FAULTS:
         with pytest.raises(ValueError, match=named):
-            _build(changed(base, change), "p/text-a")
+            build(changed(base, change), "p/text-a")
     for field, value in VALUES.items():
         faulty = changed(GROUP, lambda c, v=(field, value): c["cell"][0].update([v]))
         with pytest.raises(ValueError, match=field):
-            _build(faulty, "p/text-a")
+            build(faulty, "p/text-a")
 
 
 def test_all_faults_are_listed_at_once():
     faulty = changed(GROUP, lambda c: [one.update(unit="furlong") for one in c["cell"]])
     with pytest.raises(ValueError, match=r"(?s)cell\.0\.unit.*cell\.1\.unit"):
-        _build(faulty, "x")
+        build(faulty, "x")
 
 
 def test_traits_come_from_cell_then_row_then_column_then_file():
@@ -84,7 +88,7 @@ def test_traits_come_from_cell_then_row_then_column_then_file():
         "unit": "deg",
         "qualifier": "about",
     }
-    table = _build(content, "p/table-1")
+    table = build(content, "p/table-1")
     assert [cell.unit for cell in table.cells] == ["mm", "px", "deg", "um"]
     assert table["two.x"].number.qualifier == "about"
     assert (table["one.x"].sigma, table["one.y"].sigma) == (3, None)

@@ -75,7 +75,8 @@ class RelationResult:
 
     `left` and `right` are its sides with the printed values inserted, in SI, and with the middle of
     the common values of its unknown. `rescued_by` is the rounding rule that lifts a contradiction
-    if all numbers were rounded by it.
+    if all numbers were rounded by it. `allowed` is the interval of the values of its unknown that
+    it allows, in SI, or None.
     """
 
     relation: Relation
@@ -83,10 +84,11 @@ class RelationResult:
     left: float
     right: float
     rescued_by: str
+    allowed: Interval | None
 
 
 @dataclass(frozen=True)
-class Agreement:
+class _Agreement:
     """Values of a number that is not printed, from the relations that contain it, in SI.
 
     `by_relation` has the interval that each relation allows, without empty intervals. `common` has
@@ -146,9 +148,9 @@ def _projection(relation: Relation, domain: Interval, ends: _Ends) -> Interval:
     return max(least, low), min(greatest, high)
 
 
-def agreements(
+def _agreements(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
-) -> dict[str, Agreement]:
+) -> dict[str, _Agreement]:
     """Return the largest set of relations that agree on one value, for each unknown by name."""
     found = {}
     for unknown in dict.fromkeys(r.unknown for r in relations if r.unknown):
@@ -170,7 +172,7 @@ def agreements(
         members = {name: one for name, one in allowed.items() if name in shared}
         lows, highs = zip(unknown.domain, *members.values(), strict=True)
         common = max(lows), min(highs)
-        found[unknown.name] = Agreement(allowed, common, tuple(members))
+        found[unknown.name] = _Agreement(allowed, common, tuple(members))
     return found
 
 
@@ -183,7 +185,7 @@ def _contradicted(
     value. If several sets are largest, it cannot be decided which set is right, and the relations
     that are not in all of them count as contradicting.
     """
-    shared = agreements(cells, relations, rule)
+    shared = _agreements(cells, relations, rule)
     return frozenset(
         relation.name
         for relation in relations
@@ -209,11 +211,13 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
         for name in wrong - _contradicted(cells, relations, rule)
     }
     beyond_rounding = _contradicted(cells, relations, "digits")
-    shared, results = agreements(cells, relations), []
+    shared, results = _agreements(cells, relations), []
     for relation in relations:
-        unknown = math.nan
+        unknown, allowed = math.nan, None
         if relation.unknown:
-            unknown = sum(shared[relation.unknown.name].common) / 2
+            agreement = shared[relation.unknown.name]
+            unknown = sum(agreement.common) / 2
+            allowed = agreement.by_relation.get(relation.name)
         # An equation need only give the printed digits of its result.
         ends = _ends(relation, cells, "exact")
         if relation.result:
@@ -228,5 +232,5 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
         rule = rescued_by.get(relation.name, "")
-        results.append(RelationResult(relation, outcome, left, right, rule))
+        results.append(RelationResult(relation, outcome, left, right, rule, allowed))
     return results

@@ -10,8 +10,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from reproduce.consistency import examine
 from reproduce.consistency.equations import Demonstration, demonstrations
+from reproduce.consistency.examine import RelationResult, examine
 from reproduce.consistency.relation import (
     Finder,
     Relation,
@@ -29,14 +29,12 @@ class Audit:
     - `name`: the paper.
     - `cells`: its printed numbers by address.
     - `findings`: result of each relation, with and without an assumption.
-    - `unknowns`: values of the numbers that are not printed, by name.
     - `equations`: equations, run as extracted.
     """
 
     name: str
     cells: Sheet
-    findings: list[examine.RelationResult]
-    unknowns: dict[str, examine.Agreement]
+    findings: list[RelationResult]
     equations: list[Demonstration]
 
     @property
@@ -89,8 +87,7 @@ def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
     return Audit(
         name=name,
         cells=cells,
-        findings=examine.examine(cells, relations),
-        unknowns=examine.agreements(cells, relations),
+        findings=examine(cells, relations),
         equations=demonstrations(cells, declarations(name).get("equations", {})),
     )
 
@@ -143,7 +140,7 @@ class Erratum(BaseModel):
     equations: list[str] = []
     """equations that show it, as extracted"""
 
-    def findings(self, audit: Audit) -> list[examine.RelationResult]:
+    def findings(self, audit: Audit) -> list[RelationResult]:
         """Return the results of the relations that the entry names."""
         return [
             finding

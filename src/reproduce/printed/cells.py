@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Annotated, Any, Literal
@@ -230,18 +231,18 @@ class PrintedTable:
         ``paper/table-n`` or ``paper/text-topic``.
     title, place : str
         Title in the words of this project, and position in the paper.
-    rows, columns : tuple of _Line
+    rows, columns : sequence of _Line
         Ids and labels in printed order; a group of quoted numbers has no columns.
-    cells : tuple of PrintedCell
+    cells : sequence of PrintedCell
         All cells in printed order.
     """
 
     key: str
     title: str
     place: str
-    rows: tuple[_Line, ...]
-    columns: tuple[_Line, ...]
-    cells: tuple[PrintedCell, ...]
+    rows: Sequence[_Line]
+    columns: Sequence[_Line]
+    cells: Sequence[PrintedCell]
 
     @cached_property
     def by_name(self) -> dict[str, PrintedCell]:
@@ -268,12 +269,11 @@ def anchor(address: str) -> str:
     return re.sub("[/#.]", "-", address)
 
 
-def _build(content: Any, key: str) -> PrintedTable:
-    """Return the table of the content of a file.
+def _build(file: _File, key: str) -> PrintedTable:
+    """Return the table of a file.
 
     Each cell has the traits of its file, column and row that its entry does not have.
     """
-    file = _File.model_validate(content)
     cells = [
         _cell(key, entry.id, entry.label, [file, entry]) for entry in file.cell
     ] + [
@@ -288,9 +288,10 @@ def _build(content: Any, key: str) -> PrintedTable:
     ]
     if len({cell.name for cell in cells}) < len(cells):
         raise ValueError(f"{key}: expected each id once, got a duplicate")
-    rows, columns = tuple(file.row or file.cell), tuple(file.column)
     place = f"{file.place}, {file.position}"
-    return PrintedTable(key, file.title, place, rows, columns, tuple(cells))
+    return PrintedTable(
+        key, file.title, place, file.row or file.cell, file.column, cells
+    )
 
 
 def _cell(key: str, name: str, label: str, owners: list[Any]) -> PrintedCell:
@@ -342,7 +343,7 @@ def altered_files() -> tuple[str, ...]:
     return tuple(altered)
 
 
-def find(pattern: str) -> tuple[PrintedCell, ...]:
+def find(pattern: str) -> list[PrintedCell]:
     """Return the printed cells whose addresses match `pattern`, in printed order.
 
     Examples
@@ -352,7 +353,7 @@ def find(pattern: str) -> tuple[PrintedCell, ...]:
     """
     key, _, name = pattern.partition("#")
     cells = library()[key].cells if key in library() else ()
-    matching = tuple(c for c in cells if fnmatch.fnmatchcase(c.name, name or "*"))
+    matching = [c for c in cells if fnmatch.fnmatchcase(c.name, name or "*")]
     if not matching:
         raise KeyError(
             f"address: expected a printed cell, got {pattern!r}, which matches none. "

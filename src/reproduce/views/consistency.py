@@ -248,10 +248,9 @@ def _sides(finding: RelationResult, audit: Audit) -> str:
     """
     relation, cells = finding.relation, audit.cells
     if unknown := relation.unknown:
-        interval = audit.unknowns[unknown.name].by_relation.get(relation.name)
-        if interval is None:
+        if finding.allowed is None:
             return f"no {unknown.label} fits"
-        low, high = (f"{end / si_factor(unknown.unit):.6g}" for end in interval)
+        low, high = (f"{end / si_factor(unknown.unit):.6g}" for end in finding.allowed)
         return f"requires the {unknown.label} to lie from {low} to {high} {symbol(unknown.unit)}"
     # The unit of the result, or of all cells if they have one unit.
     shown = [relation.result] if relation.result else relation.addresses
