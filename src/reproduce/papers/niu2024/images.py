@@ -10,7 +10,7 @@ order green, red, blue. Positions are in px, x before y, the centre of the first
 
 The stored study exposes windows around one star many times, for several kinds of stars, magnitudes
 and places in the field. It compares three images: green only, the sum of three images, and the sum
-of three images after registration. The centre of the star is the centre of maximum likelihood.
+of three images after registration. Centre and flux of the star are those of maximum likelihood.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from itertools import product
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
-from scipy.ndimage import maximum_position
 
 from reproduce.papers.charts import Figure, set_size
 from reproduce.papers.declare import Results, Rows, draws, studied
@@ -84,9 +83,6 @@ RESULTS = ("error", "bias", "signal_to_noise")
 # Margin around the window, so that resampling has all pixels that it needs.
 _MARGIN_PIXELS = 12
 _MIDDLE_SLICE = slice(_MARGIN_PIXELS, -_MARGIN_PIXELS)
-# Width of the aperture of the signal. It suits a faint Gaussian spot best, at about three and a
-# half of its radii.
-_SUMMED_PIXELS = 3
 
 
 def _instrument(inputs: Inputs) -> list[Camera]:
@@ -143,8 +139,8 @@ def compare_images(
     -------
     error, bias, signal_to_noise : ndarray, shape (3,)
         By image of `KINDS`: root mean square distance of the centre from the true centre in green,
-        and length of the mean error, in px; signal-to-noise ratio of the flux in an aperture
-        around the brightest pixel.
+        and length of the mean error, in px; signal-to-noise ratio of the fitted flux: its mean over
+        its scatter.
     """
     generator = np.random.default_rng(seed)
     cameras, half = _instrument(inputs), experiment.half_field(inputs)
@@ -159,7 +155,8 @@ def compare_images(
         fused = _combinations(windows, corner, transforms)
         fitted = fitted_spots(fused, corner + _MARGIN_PIXELS, RADIUS, noise)
         errors.append(fitted.centre - spots[0])
-        signals.append([_signal_to_noise(image) for image in fused])
+        flux = fitted.light
+        signals.append(flux.mean(axis=1) / flux.std(axis=1, ddof=1))
     misses = np.concatenate(errors, axis=1)  # image, trial, axis
     return (
         rmse(misses, 0 * misses),
@@ -193,14 +190,6 @@ def _combinations(
     sums = windows.sum(axis=0), windows[0] + np.sum(moved, axis=0)
     images = np.stack([windows[0], *sums])
     return images[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
-
-
-def _signal_to_noise(image: FloatArray) -> float:
-    """Return mean over scatter of the flux in an aperture around the brightest pixel."""
-    half = _SUMMED_PIXELS // 2
-    y, x = maximum_position(image.mean(axis=0)[half:-half, half:-half])
-    sums = image[:, y : y + _SUMMED_PIXELS, x : x + _SUMMED_PIXELS].sum(axis=(-2, -1))
-    return sums.mean() / sums.std(ddof=1)
 
 
 def _stored() -> studies.StoredStudy:
