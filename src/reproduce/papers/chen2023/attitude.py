@@ -30,11 +30,11 @@ def _platform_facts(inputs: Inputs) -> Results:
     """
     designed = as_designed(inputs)
     ratio = square_ratio(designed)
-    scaled = replace(designed, lasers=ratio * designed.lasers)
+    scaled = designed.predicted(np.zeros(3), lasers=ratio * designed.lasers)
     x, _, z = angle_sigma(inputs, 1, 1)
     return {
         "square-smaller": 100 * (1 - ratio),
-        "misfit": rmse(scaled.spots, scaled.predicted(np.zeros(3))),
+        "misfit": rmse(designed.spots, scaled),
         "roll": z / x,
     }
 

@@ -7,6 +7,7 @@ floor is a sum over a grid.
 from __future__ import annotations
 
 from functools import cache, partial
+from itertools import product
 
 import numpy as np
 from scipy.special import softmax
@@ -37,9 +38,10 @@ _FRAME_INPUTS = (
     FRAMES_PER_STATE,
 )
 _SHOWN_COUNTS = np.array([1, 4, 16, 25, 49, 100, 400, 1000])
-# Nodes of the grid in each direction, and its bounds as fractions of the scatter of one frame. The
-# posterior vanishes beyond them.
-_GRID_NODES, _WHITE_BOUNDS, _FLOOR_BOUNDS = 160, (0.85, 1.18), (0.0, 0.3)
+# White noise and floor as fractions of the scatter of one frame: the middles of equal parts of 0.85
+# to 1.18, and of 0 to 0.3. The posterior vanishes beyond them.
+_PARTS = (np.arange(300) + 0.5) / 300
+_GRID = np.array([*product(0.85 + 0.33 * _PARTS, 0.3 * _PARTS)])
 
 # Low end, median and high end of values with weights along the last axis.
 _quantiles = partial(np.quantile, q=LEVELS, axis=-1, method="inverted_cdf")
@@ -47,16 +49,12 @@ _quantiles = partial(np.quantile, q=LEVELS, axis=-1, method="inverted_cdf")
 
 @cache
 def _noise(inputs: Inputs, axis: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return white noise and floor of Table IV at nodes, in radians, and their weights, (n,)."""
+    """Return white noise and floor of Table IV on a grid, in radians, and their weights, (n,)."""
     model = averaging(inputs, axis)
     single = model.likelihood.start()[0][0]
-    nodes, weights = np.polynomial.legendre.leggauss(_GRID_NODES)
-    bounds = single * np.array([_WHITE_BOUNDS, _FLOOR_BOUNDS])
-    grids = bounds[:, :1] + (nodes + 1) / 2 * np.diff(bounds)
-    points = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 2)
-    logs = model.log_posterior(points) + np.log(np.outer(weights, weights)).ravel()
+    points = single * _GRID
     white, floor = points.T
-    return white, floor, softmax(logs)
+    return white, floor, softmax(model.log_posterior(points))
 
 
 def _averages(inputs: Inputs, axis: str, counts: FloatArray) -> FloatArray:
@@ -72,11 +70,11 @@ def _frame_facts(inputs: Inputs) -> Results:
     for axis in "xy":
         white, floor, weights = _noise(inputs, axis)
         knees[f"knee-{axis}"] = _quantiles((white / floor) ** 2, weights=weights)[0]
-    state, (white, _, weights) = inputs.count(FRAMES_PER_STATE), _noise(inputs, "x")
+    white, _, weights = _noise(inputs, "x")
+    averaged = weights @ white / np.sqrt(inputs[FRAMES_PER_STATE])
     return {
         **knees,
-        "state": state,
-        "state-white": weights @ white / np.sqrt(state) * ARCSEC_PER_RADIAN,
+        "state-white": averaged * ARCSEC_PER_RADIAN,
         "interval": 100 * (LEVELS[2] - LEVELS[0]),
         "upper-end": 100 * LEVELS[2],
     }

@@ -94,17 +94,17 @@ def _sufficient(inputs: Inputs) -> FloatArray:
 
 
 def _star_facts(inputs: Inputs) -> Results:
-    """Return errors at the edge for the printed number of stars, and sufficient numbers."""
+    """Return sufficient numbers of stars, and the number for which both models are equal.
+
+    The error of a similarity by the distortion that it neglects has the name left-out.
+    """
     count = inputs.count(_COUNT)
     [plain], [free], neglected = _at_edge(inputs, np.array([count]))
     left_out = np.hypot(*neglected)
-    errors = _edge_errors(inputs, np.array([count]))[:, 1:, 0]
-    names = ("similarity", "distortions")
     return {
         "level": 100 * LEVELS[2],
         "left-out": left_out,
-        **by_cell("{}-{}", errors, names, ("all", "all-high")),
-        **by_cell("{}-enough", _sufficient(inputs), names),
+        **by_cell("{}-enough", _sufficient(inputs), ("similarity", "distortions")),
         # Equal mean squares: the one of the similarity includes the neglected distortion.
         "free-from": count * np.trace(free - plain) / left_out**2,
     }

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from itertools import product
 
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
@@ -46,6 +45,7 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray, IntArray
 from reproduce.printed.inputs import Inputs
+from reproduce.printed.number import si_factor
 
 NOISE = "niu2024/text-simulation#noise"
 CHANNELS = ("green", "red", "blue")
@@ -80,7 +80,7 @@ INPUTS = (
 def half_ranges(inputs: Inputs) -> FloatArray:
     """Return half the printed range about x and about y, shape (2,), in radians."""
     ends = inputs.pairs("niu2024/text-simulation#range-?-*")
-    return np.diff(ends)[:, 0] / 2
+    return np.ptp(ends, axis=1) / 2
 
 
 def _lattice(inputs: Inputs, name: str) -> FloatArray:
@@ -147,7 +147,7 @@ def _zero_positions(angles: FloatArray) -> IntArray:
 
 
 def registered_points(
-    measured: FloatArray, angles: FloatArray, count: int | None = None
+    measured: FloatArray, angles: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the points and the pivots of the registrations of red and blue to green.
 
@@ -159,21 +159,19 @@ def registered_points(
         Centroids of green, red and blue, in px.
     angles : ndarray, shape (n, 2)
         Angles of the table, in radians, with the zero position.
-    count : int, optional
-        Number of the first angles, whose centroids are fitted. Default: all.
 
     Returns
     -------
-    source : ndarray, shape (..., 2, count, 2)
+    source : ndarray, shape (..., 2, n, 2)
         Centroids of red and blue.
-    target : ndarray, shape (..., 1, count, 2)
+    target : ndarray, shape (..., 1, n, 2)
         Centroids of green.
     pivot : ndarray, shape (..., 2, 2)
         Pivots of red and blue.
     """
     green, others = np.split(measured, [1], axis=-3)
     [zero] = _zero_positions(angles)
-    return others[..., :count, :], green[..., :count, :], others[..., zero, :]
+    return others, green, others[..., zero, :]
 
 
 def noise(inputs: Inputs) -> float:
@@ -211,14 +209,14 @@ def _calibrated(
     """Return the calibrated parameters of red and blue, (replicates, 2, 4), and the pivots.
 
     The fit is the closed form, which is the limit of the iteration of section 3.2. A zero position
-    that is not in an arrangement is measured in addition to its points.
+    that is not in an arrangement is measured in addition to its points, without a weight.
     """
     angles = table
     if not _zero_positions(table).size:
         angles = np.vstack([table, [[0.0, 0.0]]])
-    count = len(table)
-    source, target, pivots = registered_points(measured(angles), angles, count)
-    return closed_similarity(source, target, pivots, np.ones(count))[0], pivots
+    points = registered_points(measured(angles), angles)
+    weights = 1.0 * (np.arange(len(angles)) < len(table))
+    return closed_similarity(*points, weights)[0], points[-1]
 
 
 def _test_angles(
@@ -336,7 +334,6 @@ def _draw_angles(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     figure.supylabel("external frame (°)")
 
 
-_UNITS = {"scale": ("", 1.0), "rotation": (" (°)", np.pi / 180)}
 _AGREEING = ("none agrees", "one agrees", "both agree")
 
 
@@ -354,16 +351,18 @@ def _draw_parameters(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         look: calibrated_parameters.with_options({"translations": table})(inputs)
         for look, table in (("C0s", "table-2"), ("C1o", "table-1"))
     }
-    for axes, (row, channel) in zip(grid, product(ROWS, REGISTERED), strict=True):
-        name, (sign, unit) = f"{row}.{channel}", _UNITS.get(row, (" (px)", 1.0))
-        value = printed[f"niu2024/table-3#{name}"] / unit
-        half, agreeing = printed.half_unit(f"niu2024/table-3#{name}") / unit, 0
+    for axes, cell in zip(grid, printed.cells.values(), strict=True):
+        number, unit, agreeing = cell.number, si_factor(cell.unit), 0
+        value, half = number.value, number.half_unit
         for y, (look, results) in enumerate(predicted.items()):
-            ends = plot_range(axes, [y], [results[name]], look, unit=unit)
+            ends = plot_range(axes, [y], [results[cell.name]], look, unit=unit)
             agreeing += bool(ends[0] - half <= value <= ends[2] + half)
         axes.errorbar(value, 2, xerr=half, fmt="kD", mfc="k" if agreeing else "none")
-        axes.axvline(inputs[f"niu2024/table-2#{name}"] / unit, c="k", ls=":", lw=1)
-        axes.set_title(f"{row}, {channel}{sign}", loc="left", fontsize=9)
+        true = inputs[f"niu2024/table-2#{cell.name}"] / unit
+        axes.axvline(true, c="k", ls=":", lw=1)
+        sign = f" ({cell.symbol})" if cell.symbol else ""
+        title = cell.name.replace(".", ", ") + sign
+        axes.set_title(title, loc="left", fontsize=9)
         axes.set_title(_AGREEING[agreeing], loc="right", fontsize=9, weight="bold")
         axes.set_yticks(range(3), ("if Table 2", "if Table 1", "printed"))
         axes.margins(y=0.25)
