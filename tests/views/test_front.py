@@ -127,13 +127,14 @@ def test_a_supplementary_table_is_rerun_with_a_changed_input():
 
 
 def test_data_of_figures_have_the_ends_of_error_bars_and_the_points_of_labels():
-    """Bars of an interval are drawn around 1; a label belongs to the largest magnitude."""
-    bars = rp.figure("chen2023/table-4").data.query("curve == 'curve 9' and panel == 1")
+    """Bars of an interval are drawn around 1; a label is next to its point."""
+    data = rp.figure("chen2023/table-4").data
+    bars = data.query("curve == 'predicted, X' and panel == 1")
     assert set(bars["y"] > 1) == {True, False}
     assert set(bars["x"]) == set(np.array([1, 4, 16, 25, 49, 100]) * 0.92)
-    errors = rp.figure("niu2024/drawing-fusion-errors").data
-    labelled = errors[errors["curve"] == "green only"]
-    assert errors["x"].min() <= labelled["x"].item() <= errors["x"].max()
+    states = rp.figure("chen2023/fig-10a").data
+    labelled = states[states["curve"] == "state 1"]
+    assert labelled["x"].item() == pytest.approx(states["x"][0], abs=5)
     across = rp.figure("niu2024/drawing-laboratory").data.query("curve == 'one pixel'")
     assert across["y"].min() < -3
 

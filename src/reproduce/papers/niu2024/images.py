@@ -16,12 +16,13 @@ of three images after registration. Centre and flux of the star are those of max
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import product
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from reproduce.papers.charts import Figure, set_size
+from reproduce.papers.charts import Figure, legend_below, set_size
 from reproduce.papers.declare import Results, Rows, draws, studied
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS
@@ -99,15 +100,18 @@ def similarities(inputs: Inputs) -> list[Registration]:
 
 def photons_from(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
     """Return the photons from one of `STARS` at each detector in one exposure, shape (3,)."""
-    bands = [inputs.array(f"niu2024/text-optics#band-{name}-*") for name in CHANNELS]
     if isinstance(spectrum := STARS[star], str):
-        table = spectra()[spectrum]
-        photons = [tabulated_star(magnitude, *table, *band) for band in bands]
+        photons = partial(tabulated_star, magnitude, *spectra()[spectrum])
     else:
-        photons = [blackbody_band(magnitude, spectrum, *band) for band in bands]
+        photons = partial(blackbody_band, magnitude, spectrum)
+    bands = (inputs.array(f"niu2024/text-optics#band-{name}-*") for name in CHANNELS)
     # Square metres and seconds of an exposure.
     collected = np.pi / 4 * APERTURE**2 * TRANSMISSION
-    return collected * inputs["niu2024/text-experiment#exposure"] * np.stack(photons)
+    return (
+        collected
+        * inputs["niu2024/text-experiment#exposure"]
+        * np.stack([photons(*band) for band in bands])
+    )
 
 
 def compare_images(
@@ -263,16 +267,9 @@ def _draw_errors(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     axes = figure.add_subplot()
     arrays, _ = _stored()
     errors = arrays["error"][list(STARS).index("solar"), 0]
-    # A label to the left above its line, or to the right below it.
-    looks = (
-        ("C6^:", 2, (-4, 6), "right"),
-        ("C1s--", 0, (0, -16), "left"),
-        ("C0o-", 2, (8, -10), "left"),
-    )
-    for error, name, (look, place, shift, side) in zip(
-        errors.T, KINDS, looks, strict=True
+    for error, name, look in zip(
+        errors.T, KINDS, ("C6^:", "C1s--", "C0o-"), strict=True
     ):
-        axes.semilogy(MAGNITUDES, error, look)
-        at = MAGNITUDES[place], error[place]
-        axes.annotate(name, at, shift, textcoords="offset points", ha=side)
+        axes.semilogy(MAGNITUDES, error, look, label=name)
     axes.set(xlabel="V (mag)", ylabel="centroid error, RMS (px)")
+    legend_below(figure, 2)
