@@ -182,15 +182,14 @@ def monitored_angle(
     shape = (replicates, 1 + len(_MOVED_STATES), rotations.shape[1])
     errors = generator.standard_normal(shape) @ rotations.T
     lag, noise = _averaging(inputs, images)
-    length = np.full(replicates, telescope_length(inputs, columns, telescope))
-    if telescope == "nominal":
-        # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
-        spread = generator.uniform(-1, 1, replicates)
-        length += spread * inputs.half_width(TELESCOPE)
+    # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
+    spread = (telescope == "nominal") * generator.uniform(-1, 1, (replicates, 1, 1))
+    spread *= inputs.half_width(TELESCOPE)
+    length = telescope_length(inputs, columns, telescope) + spread
     motions = stage_motions(inputs, columns)
     if columns == "motions":
         motions = motions[:, ::-1]
-    angles = stage_angle(motions, length[:, None, None])
+    angles = stage_angle(motions, length)
     # A mean that includes the ramp contains a part of the step from the state before.
     means = angles[:, 1:] - lag * np.diff(angles, axis=1)
     # All angles share the error of the zero state.

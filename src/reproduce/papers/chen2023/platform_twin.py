@@ -75,6 +75,7 @@ INPUTS = (
     SPOT_RADIUS,
     _WINDOW,
     FRAMES,
+    SMOOTHED,
 )
 
 
@@ -145,13 +146,12 @@ class SimulatedBench:
 # about the boresight.
 _POINTING_DEG = (84.6, -0.4, 20.0)
 _FAINTEST_MAGNITUDE = 6.0
-_SERIES_INPUTS = (*INPUTS, SMOOTHED, DURATION)
 # Width of the shown part of an image around a spot.
 _SHOWN_PX = 9
-_draws_series = partial(draws, inputs=_SERIES_INPUTS, random=True)
+_draws_series = partial(draws, inputs=INPUTS, random=True)
 _draws_test = partial(
     draws,
-    inputs=(*_SERIES_INPUTS, _POSITIONS, FRAMES_PER_STATE, LAST),
+    inputs=(*INPUTS, DURATION, _POSITIONS, FRAMES_PER_STATE, LAST),
     random=True,
 )
 

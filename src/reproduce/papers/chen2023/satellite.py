@@ -161,10 +161,9 @@ def _dichroic(inputs: Inputs) -> Rows:
     # The plane of the light contains both boresights and is across X.
     across = np.array([1.0, 0.0, 0.0])
     moves = np.cross([np.cross(across, normal), across, normal], normal)
-    # The mirror takes light d along Z to d - 2 (d·n) n. The normal n moves perpendicular to itself,
-    # so both parts of the change are perpendicular to each other.
-    along_normal, along_move = moves[:, 2], normal[2] * np.linalg.norm(moves, axis=1)
-    factors = 2.0 * np.hypot(along_normal, along_move)
+    # The mirror takes light d along Z to d - 2 (d·n) n.
+    changes = np.outer(moves[:, 2], normal) + normal[2] * moves
+    factors = 2.0 * np.linalg.norm(changes, axis=1)
     axes = ("in the plane of the light", "across it", "its normal")
     for axis, factor in zip(axes, factors, strict=True):
         tilt = accuracy / factor if factor else np.inf
@@ -197,5 +196,12 @@ def _heat(inputs: Inputs) -> Rows:
         angle = 1e-6 / camera / RADIANS_PER_ARCSEC
         motion = accuracy * camera
         kelvin = motion / (inputs[_EXPANSION] * inputs[DIAGONAL])
-        lengths = (camera / tracker, tracker * 1e3, np.degrees(view))
-        yield (name, *lengths, angle, motion * 1e6, kelvin)
+        yield (
+            name,
+            camera / tracker,
+            tracker * 1e3,
+            np.degrees(view),
+            angle,
+            motion * 1e6,
+            kelvin,
+        )

@@ -87,10 +87,11 @@ def _sufficient(inputs: Inputs) -> FloatArray:
 
     In the order of `_MODELS`; infinite if `_MAX_STARS` are not sufficient.
     """
-    level, tried = -np.log(inputs[NOISE]), np.log(_STARS_TRIED)
-    highs = -np.log(_edge_errors(inputs, _STARS_TRIED)[:, 2])
-    logs = [np.interp(level, high, tried, right=np.inf) for high in highs]
-    return np.ceil(np.exp(logs))
+    # Without a bias the inverse variance is proportional to the number.
+    precisions = _edge_errors(inputs, _STARS_TRIED)[:, 2] ** -2
+    needed = inputs[NOISE] ** -2
+    found = [np.interp(needed, each, _STARS_TRIED, right=np.inf) for each in precisions]
+    return np.ceil(found)
 
 
 def _star_facts(inputs: Inputs) -> Results:

@@ -215,7 +215,7 @@ def _calibrated(
     if not _zero_positions(table).size:
         angles = np.vstack([table, [[0.0, 0.0]]])
     points = registered_points(measured(angles), angles)
-    weights = 1.0 * (np.arange(len(angles)) < len(table))
+    weights = (np.arange(len(angles)) < len(table)).astype(float)
     return closed_similarity(*points, weights)[0], points[-1]
 
 
@@ -358,8 +358,7 @@ def _draw_parameters(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
             ends = plot_range(axes, [y], [results[cell.name]], look, unit=unit)
             agreeing += bool(ends[0] - half <= value <= ends[2] + half)
         axes.errorbar(value, 2, xerr=half, fmt="kD", mfc="k" if agreeing else "none")
-        true = inputs[f"niu2024/table-2#{cell.name}"] / unit
-        axes.axvline(true, c="k", ls=":", lw=1)
+        axes.axvline(inputs[f"niu2024/table-2#{cell.name}"] / unit, c="k", ls=":", lw=1)
         sign = f" ({cell.symbol})" if cell.symbol else ""
         title = cell.name.replace(".", ", ") + sign
         axes.set_title(title, loc="left", fontsize=9)
