@@ -182,10 +182,10 @@ def cramer_rao_variance(
     """
     x, y = np.moveaxis(positions - corners, -1, 0)
     state = np.stack(np.broadcast_arrays(x, y, light), axis=-1)
-    model, slopes = _gradient(state, radius, size, size)
-    variance = np.maximum(model + read_noise[..., None, None] ** 2, _LEAST_VARIANCE)
-    weighted = slopes / variance[..., None, :, :]
-    information = np.einsum("...kyx,...lyx->...kl", weighted, slopes)
+    slopes = _gradient(state, radius, size, size)
+    noise = slopes[..., 2, :, :] + read_noise[..., None, None] ** 2
+    weights = 1 / np.maximum(noise, _LEAST_VARIANCE)
+    information = np.einsum("...kyx,...lyx,...yx->...kl", slopes, slopes, weights)
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
 

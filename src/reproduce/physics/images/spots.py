@@ -17,7 +17,6 @@ import numpy as np
 from scipy.special import ndtr
 
 from reproduce.physics.validate import (
-    BoolArray,
     Count,
     FloatArray,
     IntArray,
@@ -158,11 +157,11 @@ def _fractions(edges: FloatArray) -> FloatArray:
 
 def _gradient(
     state: FloatArray, radius: FloatArray, columns: int, rows: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return spots in windows, (..., rows, columns), and their derivatives by x, y and flux.
+) -> FloatArray:
+    """Return the derivatives of spots in windows, (..., 3, rows, columns).
 
-    The state, (..., 3), is x and y relative to the first pixel, in px, and the flux. The
-    derivatives have shape (..., 3, rows, columns).
+    They are by x, y and the logarithm of the flux: the last one is the spot. The state, (..., 3),
+    is x and y relative to the first pixel, in px, and the flux.
     """
     edges = [
         _edges(state[..., 0], radius, columns),
@@ -171,23 +170,22 @@ def _gradient(
     root = -np.sqrt(2 * np.pi) * radius[..., None]
     in_x, in_y = (_fractions(axis) for axis in edges)
     slope_x, slope_y = (np.diff(np.exp(-0.5 * axis**2)) / root for axis in edges)
-    flux = state[..., 2, None]
-    down = np.stack([flux * in_y, flux * slope_y, in_y], axis=-2)
+    down = state[..., 2, None, None] * np.stack([in_y, slope_y, in_y], axis=-2)
     across = np.stack([slope_x, in_x, in_x], axis=-2)
-    slopes = down[..., :, None] * across[..., None, :]
-    return flux[..., None] * slopes[..., 2, :, :], slopes
+    return down[..., :, None] * across[..., None, :]
 
 
-# Iterations of a fit, at most: between two spots it takes hundreds.
-_MAX_STEPS = 500
-# Movement of the centre at which a fit has converged, in px.
-_CONVERGED_PX = 1e-8
+# Steps of a fit, at most: between two spots it takes hundreds. Later steps have half the length,
+# because full steps may alternate between two places.
+_MAX_STEPS, _FULL_STEPS = 1000, 50
+# Longest step, in px and as a fraction of the flux; and step at which a fit has converged, in px.
+_LONGEST_STEP, _CONVERGED_PX = 0.5, 1e-8
 # Largest distance of a centre from the outer edge of the window, in px.
 _OUTSIDE_PX = 1.0
 # Least variance of a pixel, in electrons squared: the weight of a dark pixel is finite.
 _MIN_VARIANCE = 1e-3
-# Relative rounding error of the cost; damping at the start, at least, and at most.
-_COST_ROUNDING, _DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-13, 1e-3, 1e-9, 1e12
+# Relative increase of the information of each parameter, so that a step is always defined.
+_RIDGE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +268,7 @@ def fitted_spots(
     )
     state, information = _optimum(flat, widths, np.maximum(noises**2, _MIN_VARIANCE))
     covariance = np.asarray(np.linalg.inv(information)[:, :2, :2])
-    residuals = flat - _gradient(state, widths, *shape[::-1])[0]
+    residuals = flat - _gradient(state, widths, *shape[::-1])[:, 2]
     return Spots(
         state[:, :2].reshape(*batch, 2) + corners,
         state[:, 2].reshape(batch),
@@ -284,76 +282,36 @@ def _optimum(
 ) -> tuple[FloatArray, FloatArray]:
     """Return x, y and flux, (n, 3), and the information matrix of each spot.
 
-    Levenberg-Marquardt steps begin at the brightest pixel, with the flux that fits best there.
+    The steps of Fisher scoring begin at the brightest pixel, with the flux that fits best there.
+    The flux remains above zero, because a step changes it by half at most.
     """
     count, height, width = light.shape
     seen = np.isfinite(light)
     bright = np.where(seen, light, -np.inf).reshape(count, -1).argmax(axis=1)
     light = np.where(seen, light, 0.0)
     state = np.stack([bright % width, bright // width, np.ones(count)], axis=-1)
-    shape = seen * _gradient(state, radius, width, height)[0]
+    shape = seen * _gradient(state, radius, width, height)[:, 2]
     squares = np.maximum((shape**2).sum(axis=(1, 2)), _MIN_VARIANCE)
     state[:, 2] = (light * shape).sum(axis=(1, 2)) / squares
-    damping = np.full(count, _DAMPING)
-    found = state, *_likelihood(state, light, seen, radius, variance)
-    state, cost, moved, score, matrix = found
-    for _ in range(_MAX_STEPS):
-        waiting = np.isfinite(cost) & (moved >= _CONVERGED_PX)
-        rows = np.flatnonzero(waiting & (damping < _MAX_DAMPING))
+    information = np.full((count, 3, 3), np.nan)
+    half, unit = np.array([width, height]) / 2, np.eye(3)
+    rows = np.flatnonzero(state[:, 2] > 0)
+    for number in range(_MAX_STEPS):
         if not len(rows):
             break
-        trial = state[rows] + _step(matrix[rows], score[rows], damping[rows])
-        values = (
-            trial,
-            *_likelihood(trial, light[rows], seen[rows], radius[rows], variance[rows]),
-        )
-        # Close to the optimum, rounding hides the change of the cost.
-        sign = np.where(values[2] < moved[rows], 1, -1)
-        limit = cost[rows] + _COST_ROUNDING * sign * np.abs(cost[rows])
-        better = values[1] <= limit
-        for old, new in zip(found, values, strict=True):
-            old[rows[better]] = new[better]
-        changed = damping[rows] * np.where(better, 0.1, 10.0)
-        damping[rows] = np.maximum(changed, _MIN_DAMPING)
-    failed = ~(np.isfinite(cost) & (moved < _CONVERGED_PX))
-    state[failed] = matrix[failed] = np.nan
-    return state, matrix
-
-
-def _likelihood(
-    state: FloatArray,
-    light: FloatArray,
-    seen: BoolArray,
-    radius: FloatArray,
-    variance: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return minus the log-likelihood, the distance in px to its estimated minimum, and more.
-
-    These have the shape (n,). The slope of the log-likelihood, (n, 3), and the information follow.
-    Minus the log-likelihood is infinite without flux, and for a centre far outside. Pixels that
-    are not seen have a flux of zero.
-    """
-    height, width = light.shape[1:]
-    half = np.array([width, height]) / 2
-    off = np.abs(state[:, :2] - (half - 0.5)) - half
-    allowed = (off < _OUTSIDE_PX).all(axis=-1) & (state[:, 2] > 0)
-    model, slopes = _gradient(
-        np.where(allowed[:, None], state, 1.0), radius, width, height
-    )
-    dark = variance[:, None, None]
-    level = model + dark
-    cost = (seen * (level - (light + dark) * np.log(level))).sum(axis=(1, 2))
-    weights = seen / level
-    score = np.einsum("nkyx,nyx->nk", slopes, (light - model) * weights)
-    flat = slopes.reshape(len(state), 3, -1)
-    matrix = (flat * weights.reshape(len(state), 1, -1)) @ flat.mT
-    moved = np.abs(_step(matrix, score, np.zeros(len(score)))[:, :2]).max(axis=1)
-    return np.where(allowed, cost, np.inf), moved, score, matrix
-
-
-def _step(matrix: FloatArray, score: FloatArray, damping: FloatArray) -> FloatArray:
-    """Return the step, damped in the unit of each parameter."""
-    diagonal = np.diagonal(matrix, axis1=1, axis2=2)
-    added = diagonal * (damping[:, None] + 1e-12) + np.finfo(float).tiny
-    damped = matrix + added[..., None] * np.eye(3)
-    return np.asarray(np.linalg.solve(damped, score[..., None])[..., 0])
+        slopes = _gradient(state[rows], radius[rows], width, height)
+        spot = slopes[:, 2]
+        weights = seen[rows] / (spot + variance[rows, None, None])
+        score = np.einsum("nkyx,nyx->nk", slopes, (light[rows] - spot) * weights)
+        matrix = np.einsum("nkyx,nlyx,nyx->nkl", slopes, slopes, weights)
+        firm = matrix * (1 + _RIDGE * unit) + np.finfo(float).tiny * unit
+        step = np.linalg.solve(firm, score[..., None])[..., 0]
+        found = (np.abs(step[:, :2]) < _CONVERGED_PX).all(axis=1)
+        information[rows[found]] = firm[found]
+        step = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+        step[:, 2] *= state[rows, 2]
+        state[rows] += step if number < _FULL_STEPS else step / 2
+        away = np.abs(state[rows, :2] - (half - 0.5))
+        rows = rows[~found & (away < half + _OUTSIDE_PX).all(axis=1)]
+    state[np.isnan(information[:, 0, 0])] = np.nan
+    return state, information
