@@ -21,10 +21,6 @@ from reproduce.version import __version__
 from reproduce.views.blocks import Display, printable
 
 
-class _WriteError(click.ClickException):
-    """A file cannot be written, after the results are printed."""
-
-
 class _Shell(click.Group):
     """Commands whose output is UTF-8, and whose errors are one line.
 
@@ -41,7 +37,7 @@ class _Shell(click.Group):
             message = _message(error)
             if message is None:  # not an error of the input
                 raise
-            if as_json and not isinstance(error, _WriteError):
+            if as_json:
                 record: dict[str, Any] = {"error": message}
                 if missed := getattr(error, "missed", ()):
                     record["steps_needed"] = getattr(error, "steps", None)
@@ -128,7 +124,8 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
         save(out)
     except (OSError, RuntimeError) as error:  # the latter of netCDF
         reason = getattr(error, "strerror", "") or error
-        raise _WriteError(printable(f"cannot write {out}: {reason}")) from error
+        click.echo(printable(f"Error: cannot write {out}: {reason}"), err=True)
+        sys.exit(1)
 
 
 def _item(address: str) -> Any:
