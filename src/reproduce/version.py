@@ -24,19 +24,12 @@ DOI = os.environ.get("REPRODUCE_DOI", _DOI)
 
 def version() -> str:
     """Return the version, the day of its release and the commit of this package."""
-    return (
-        f"{__version__}, {RELEASED}, commit {package_commit()[:10] or 'not recorded'}"
-    )
+    return f"{__version__}, {RELEASED}, commit {commit()[:10] or 'not recorded'}"
 
 
 def software() -> str:
     """Return the name and the version of this package."""
     return f"{NAME} {version()}"
-
-
-def package_commit() -> str:
-    """Return the commit of this package; empty if it is unknown."""
-    return commit(Path(__file__).parents[2])
 
 
 def build_record(root: Path) -> str:
@@ -52,8 +45,8 @@ def content_id(path: Path) -> str:
 
 
 @cache
-def commit(root: Path) -> str:
-    """Return the commit of an unchanged checkout; empty otherwise.
+def commit(root: Path = Path(__file__).parents[2]) -> str:
+    """Return the commit of an unchanged checkout, by default of this package; empty otherwise.
 
     A wheel contains the commit of the checkout that it was built from.
     """

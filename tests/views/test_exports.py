@@ -190,7 +190,7 @@ def test_the_sentence_of_a_cell_has_place_numbers_and_verdict():
 
 @pytest.mark.parametrize("commit", ["", "0123456789abcdef0123456789abcdef01234567"])
 def test_formats_agree_and_have_version_commit_day_and_identifiers(commit, monkeypatch):
-    monkeypatch.setattr(version, "commit", lambda root: commit)
+    monkeypatch.setattr(version, "commit", lambda *_: commit)
     for address in ("all", KEY, CELLS[0], STUDY):
         papers = list(PAPERS) if address == "all" else [address.split("/")[0]]
         read = rispy.loads(cite(address, "ris"))
@@ -261,7 +261,7 @@ def test_address_and_doi_are_those_of_the_environment_or_of_the_wheel(
     installed = runpy.run_path(file)
     assert installed["ADDRESS"] == "https://example.org/book"
     assert installed["DOI"] == "10.1234/y"
-    assert installed["package_commit"]() == version.commit(ROOT)
+    assert installed["commit"]() == version.commit(ROOT)
 
 
 def test_figures_are_drawn_equal_and_mark_every_printed_value(tmp_path):
@@ -300,7 +300,7 @@ def test_the_commit_of_an_unchanged_checkout_is_named(tmp_path):
 
 @pytest.mark.parametrize("commit", ["", "0123456789"])
 def test_an_export_names_version_commit_and_citation(commit, monkeypatch):
-    monkeypatch.setattr(version, "commit", lambda root: commit)
+    monkeypatch.setattr(version, "commit", lambda *_: commit)
     source = f"reproduce-pointing {__version__}, {RELEASED}, commit {commit or 'not recorded'}"
     assert version.software() == source
     for address in (KEY, CELLS[0], STUDY):
@@ -400,7 +400,7 @@ def test_a_citation_of_a_release_is_current_if_value_and_verdict_are(monkeypatch
 
 
 def test_a_citation_of_an_unknown_source_is_not_current(monkeypatch):
-    monkeypatch.setattr(version, "commit", lambda root: "0123456789")
+    monkeypatch.setattr(version, "commit", lambda *_: "0123456789")
     text = cite(CELLS[0], "text")
     claim = f"{CELLS[0]}: printed 0.9973, recomputed 0.9973 [0.9972, 0.9974], exact"
     wrong = [cited(claim, version.version())]

@@ -17,7 +17,7 @@ from reproduce import version
 from reproduce.judge.ledger import Record, record_of
 from reproduce.locate import papers
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import PaperFunction, computation_for, study
+from reproduce.papers.declare import computation_for, study
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PAPERS, PrintedCell, library
 from reproduce.version import AUTHORS, content_id
@@ -124,18 +124,15 @@ def identifiers(address: str) -> dict[str, str]:
     'swh:1:cnt:'
     """
     key, _, cell = address.partition("#")
-    name = version.package_commit()
+    name = version.commit()
     found = {"commit": f"swh:1:rev:{name}"} if name else {}
     if key in library():
         folder = papers()[key.partition("/")[0]]
         found["data"] = content_id(folder / "printed" / f"{key}.toml")
-    made: PaperFunction | None = computation_for(address) if cell else None
-    if key in catalogue("studies"):
-        made = study(key)
-    if made:
-        function = inspect.unwrap(made.function)
-        lines, first = inspect.getsourcelines(function)
-        file = content_id(Path(inspect.getfile(function)))
+    of_cell = computation_for(address) if cell else None
+    if made := study(key) if key in catalogue("studies") else of_cell:
+        lines, first = inspect.getsourcelines(made.function)
+        file = content_id(Path(inspect.getfile(made.function)))
         found["function"] = f"{file};lines={first}-{first + len(lines) - 1}"
     return found
 
@@ -171,7 +168,7 @@ def mark(statement: str) -> str:
 
 @cache
 def _paper(key: str) -> Entry:
-    return parse_file(str(papers()[key] / "references.bib")).entries[key]
+    return parse_file(papers()[key] / "references.bib").entries[key]
 
 
 def _et_al(paper: str) -> str:
