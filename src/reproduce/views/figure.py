@@ -132,7 +132,7 @@ def _inline(
     below the caption, which has room for the number of the figure.
     """
     # An element without a colour is black; the colour of the root applies to it.
-    label = escape(alternative, quote=True)
+    label = escape(alternative)
     head = f'<svg role="img" aria-label="{label}" fill="currentColor" '
     drawn = {}
     for svg, kind in zip(vectors, ("wide", "narrow"), strict=False):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
+from collections import ChainMap
 from collections.abc import Collection
 
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import KINDS, catalogue
 from reproduce.papers.declare import declarations
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PAPERS, anchor, library
@@ -20,19 +21,13 @@ def check_key(key: Text) -> str:
     >>> check_key("niu2024/table-3")
     'niu2024/table-3'
     """
-    known = list(catalogue())
-    if key in known:
+    if key in catalogue():
         return key
     if key in catalogue("studies"):
         raise KeyError(
             f"key: expected an item of a paper, got the supplementary table {key}"
         )
-    near = difflib.get_close_matches(
-        key,
-        [*known, *catalogue("studies"), *catalogue("drawings")],
-        n=3,
-        cutoff=0.5,
-    )
+    near = difflib.get_close_matches(key, ChainMap(*map(catalogue, KINDS)), cutoff=0.5)
     hint = f"such as {', '.join(near)}, " if near else ""
     raise KeyError(
         f"key: expected a key of `reproduce contents`, {hint}got {key!r}. Correct the key"
