@@ -105,11 +105,9 @@ def cite_related(
 def in_words(cell: PrintedCell) -> str:
     """Return a cell in words, such as ``Table V, state 4, motion along Y``."""
     place, section = cell.place.split(", ", 1)
-    parts = [
-        part if part[:2].isupper() else part[:1].lower() + part[1:]
-        for part in cell.label.split(", ")
-    ]
-    return ", ".join([section if place == "Text" else place, *parts])
+    # A single letter or a word in capitals stays.
+    label = re.sub(r"(^|, )[A-Z](?=[a-z])", lambda first: first[0].lower(), cell.label)
+    return f"{section if place == 'Text' else place}, {label}"
 
 
 def identifiers(address: str) -> dict[str, str]:
@@ -140,11 +138,11 @@ def identifiers(address: str) -> dict[str, str]:
 def statement(record: Record, template: str = "statement.txt") -> str:
     """Return the place, the printed value, the computed value and the verdict of a cell."""
     cell = record.printed_cell
-    words, paper = in_words(cell), _et_al(record.paper)
+    words = in_words(cell)
     return written(
         template,
         record=record,
-        place=f"{words[:1].upper()}{words[1:]}, of {paper}",
+        place=f"{words[:1].upper()}{words[1:]}, of {_et_al(record.paper)}",
         printed=verdicts.printed(cell),
         value=recomputed(record),
         verdicts=verdicts,

@@ -104,6 +104,5 @@ def covariance(key: str) -> pd.DataFrame:
 
 
 def _name(text: str) -> str:
-    """Return an identifier of ASTRA."""
-    plain = re.sub(r"\W", "_", text.lower())
-    return plain if plain[:1].isalpha() else f"n{plain}"
+    """Return an identifier of ASTRA, which starts with a letter."""
+    return re.sub("^(?![a-z])", "n", re.sub(r"\W", "_", text.lower()))

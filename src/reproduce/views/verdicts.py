@@ -271,12 +271,9 @@ def filled(text: str) -> str:
     >>> filled("a scale of {niu2024/table-2#scale.red printed}")
     'a scale of 0.9976'
     """
-
-    def fill(blank: re.Match[str]) -> str:
-        name, _, what = blank[1].partition(" ")
-        return facts_of(name)[what]
-
-    return re.sub(r"\{([^{}]+)\}", fill, text)
+    return re.sub(
+        r"\{([^{} ]+) ?([^{}]*)\}", lambda blank: facts_of(blank[1])[blank[2]], text
+    )
 
 
 def counts(records: Collection[Record]) -> dict[str, str]:
