@@ -26,7 +26,7 @@ from reproduce.views.blocks import (
     fold,
     rendered,
 )
-from reproduce.views.keys import chosen_papers
+from reproduce.views.keys import check_choice, chosen_papers
 
 _Row = dict[Any, Any]
 # Format of both sides of an equation. Smaller numbers are rounding noise.
@@ -77,9 +77,8 @@ class ConsistencyAudit(Display):
 
     def __getitem__(self, name: str) -> _Part:
         """Return a part by its name."""
-        if name not in _PARTS:
-            raise KeyError(f"no part {name!r}: expected one of {', '.join(_PARTS)}")
-        return _PARTS[name]([audit_paper(paper) for paper in self.papers])
+        part = _PARTS[check_choice("part", name, _PARTS)]
+        return part([audit_paper(paper) for paper in self.papers])
 
     def frame(self) -> pd.DataFrame:
         """Return the register: one row per entry."""
