@@ -210,13 +210,14 @@ class Figure(Rerunnable):
         """Return it as SVG for a wide page; in a build also for a narrow page, drawn once."""
         if self.changes or not computed.kept():
             return _vectors_of(self.drawn)
-
-        def make() -> list[str]:
-            # A schematic is the same on both pages.
-            return _vectors_of(*dict.fromkeys([self.drawn, self.compute(narrow=True)]))
-
         return computed.cached(
-            f"figure-{anchor(self.key)}.json", make, json.dumps, json.loads
+            f"figure-{anchor(self.key)}.json",
+            # A schematic is the same on both pages.
+            lambda: _vectors_of(
+                *dict.fromkeys([self.drawn, self.compute(narrow=True)])
+            ),
+            json.dumps,
+            json.loads,
         )
 
     def frame(self) -> pd.DataFrame:

@@ -77,10 +77,10 @@ class Readings(Display):
         if "joint p" in frame:
             columns["joint p"] = frame["joint p"].map("{:.2g}".format)
         return [
-            Grid(
+            Grid.of(
                 caption,
-                [*columns],
-                [*zip(*columns.values(), strict=True)],
+                columns,
+                pd.DataFrame(columns).to_dict("records"),
                 kind="rp-small rp-sortable rp-readings-all",
             )
         ]

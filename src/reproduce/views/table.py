@@ -370,8 +370,8 @@ def _grouped(caption: str, columns: list[str], rows: list[dict[str, Entry]]) -> 
     """Return a table with a row for each combination of texts, and its cells."""
     frame = pd.DataFrame(rows, columns=["cell", *columns], dtype=object).fillna("")
     groups = frame.groupby(columns, sort=False)["cell"].agg(Markup(", ").join)
-    lines = groups.rename("cells").reset_index().to_dict("records")
-    return Grid.of(caption, ("cells", *columns), lines, kind="rp-small")
+    lines = groups.reset_index(name="cells").set_index("cells")
+    return Grid.of_frame(caption, lines, kind="rp-small")
 
 
 class Cell(_Judged):
