@@ -41,19 +41,18 @@ def differences_block(found: pd.DataFrame) -> Html:
     """Return the strip plot of the distances, one row per number that differs."""
     numbers = found["number"].mask(found["agrees"], "numbers that agree")
     lines = found["paper"] + ", " + numbers
-    labels = list(dict.fromkeys(lines))
+    count = lines.nunique()
 
     def paint(figure: Figure) -> None:
-        narrow = set_size(figure, 0.34 * len(labels) + 1.0, 0.42 * len(labels) + 1.0)
+        narrow = set_size(figure, 0.34 * count + 1.0, 0.42 * count + 1.0)
+        names = lines.str.replace(", ", ",\n", n=1) if narrow else lines
         axes = figure.add_subplot()
         axes.axvspan(-1, 1, fc=("C6", 0.2), ec="C6")
-        for agrees, look in ((True, "C0|"), (False, "C1D")):
+        for agrees, look in ((False, "C1D"), (True, "C0|")):
             shown = found["agrees"] == agrees
-            axes.plot(found["distance"][shown], lines[shown].map(labels.index), look)
+            axes.plot(found["distance"][shown], names[shown], look)
         axes.set_xscale("symlog", linthresh=2)
         axes.set_xticks([-5, -1, 0, 1, 5, 20], ["−5", "−1", "0", "1", "5", "20"])
-        names = [x.replace(", ", ",\n", 1) if narrow else x for x in labels]
-        axes.set_yticks(range(len(labels)), names)
         axes.set(xlabel="distance (largest that agrees)", xlim=(-6, 30))
         axes.invert_yaxis()
 

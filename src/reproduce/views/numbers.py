@@ -31,8 +31,9 @@ def entry(value: float | str, style: Column) -> str:
         return str(value)
     if abs(value) < style.least:
         return minus(f"<\u202f{style.least:g}")
-    small, limit = abs(value) < style.zero, math.isinf(value)
-    return "0" if small else "any" if limit else minus(f"{value:{style.form}}")
+    if abs(value) < style.zero:
+        return "0"
+    return "any" if math.isinf(value) else minus(f"{value:{style.form}}")
 
 
 def digits(value: float, mcse: float) -> str:

@@ -66,8 +66,7 @@ class Readings(Display):
         )
         columns = {name: frame[name] for name in options(self.key) if name in frame}
         for name in (name for name in map(str, frame) if f"{name} agrees" in frame):
-            number = table[name].number
-            texts = frame[name].map(number.format).map(minus)
+            texts = frame[name].map(table[name].number.format).map(minus)
             if f"{name} p" in frame:
                 texts = frame[f"{name} p"].map("{:.3g}".format)
             texts = texts.where(frame[name].notna(), "")
