@@ -220,10 +220,11 @@ class Grid(Display):
         **looks: Any,
     ) -> Grid:
         """Return some columns of records, without empty columns."""
-        texts = {
-            n: [entry_text(row.get(n, ""), digits) for row in rows] for n in columns
+        shown = {
+            name: texts
+            for name in columns
+            if any(texts := [entry_text(row.get(name, ""), digits) for row in rows])
         }
-        shown = {name: column for name, column in texts.items() if any(column)}
         lines = [*zip(*shown.values(), strict=True)]
         return cls(caption, [*shown], lines, **looks)
 

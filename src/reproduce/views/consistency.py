@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
@@ -88,10 +88,9 @@ class ConsistencyAudit(Display):
         """Return the rows of each part."""
         return {name: self[name].rows for name in _PARTS}
 
-    def blocks(self) -> Iterator[Block]:
-        """Yield every part."""
-        for part in map(self.__getitem__, _PARTS):
-            yield from part.blocks() if part.rows else ()
+    def blocks(self) -> list[_Part]:
+        """Return every part with rows."""
+        return [part for part in map(self.__getitem__, _PARTS) if part.rows]
 
 
 audit = ConsistencyAudit  # the name of the public API

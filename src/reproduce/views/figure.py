@@ -132,8 +132,7 @@ def _inline(
     below the caption, which has room for the number of the figure.
     """
     # An element without a colour is black; the colour of the root applies to it.
-    label = escape(alternative)
-    head = f'<svg role="img" aria-label="{label}" fill="currentColor" '
+    head = f'<svg role="img" aria-label="{escape(alternative)}" fill="currentColor" '
     drawn = {}
     for svg, kind in zip(vectors, ("wide", "narrow"), strict=False):
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
@@ -243,13 +242,9 @@ class Figure(Rerunnable):
     def save(self, path: FilePath) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, self._endings)
-        content = _content(
-            self.drawn,
-            path.suffix[1:].lower(),
-            "\n".join(self.provenance.values()),
-        )
+        form, note = path.suffix[1:].lower(), "\n".join(self.provenance.values())
         with replacing(path) as part:
-            part.write_bytes(content)
+            part.write_bytes(_content(self.drawn, form, note))
         return path
 
     @cached_property
@@ -284,10 +279,9 @@ class Figure(Rerunnable):
 class Panels(Display, list[Figure]):
     """Panels of a figure, such as ``chen2023/fig-11``: a list that shows every panel."""
 
-    def blocks(self) -> Iterator[Block]:
-        """Yield each panel."""
-        for panel in self:
-            yield from panel.blocks()
+    def blocks(self) -> Panels:
+        """Return the panels."""
+        return self
 
     @property
     def data(self) -> pd.DataFrame:

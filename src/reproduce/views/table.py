@@ -173,10 +173,11 @@ class Table(ItemView, _Judged):
         ValueError
             If a cell is not an input, a value does not fit its cell, or an option is unknown.
         """
-        result = rerunning.Rerun(
-            self.key, changes, seed=seed, replicates=replicates, chosen=options
+        return Changed(
+            rerunning.Rerun(
+                self.key, changes, seed=seed, replicates=replicates, chosen=options
+            )
         )
-        return Changed(result)
 
     def sweep(
         self,
