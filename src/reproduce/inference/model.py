@@ -363,10 +363,6 @@ class Model:
         """Return the parameter vectors at coordinates, shape (..., d)."""
         return self._mapped(coordinates, 1)
 
-    def log_volume(self, coordinates: FloatArray) -> FloatArray:
-        """Return the log determinant of the derivatives by the coordinates, shape (...)."""
-        return self._mapped(coordinates, 2).sum(axis=-1)
-
     def _mapped(self, values: FloatArray, function: int) -> FloatArray:
         columns = np.moveaxis(values, -1, 0)
         with np.errstate(over="ignore"):  # far outside: infinite, and rejected
@@ -378,8 +374,9 @@ class Model:
 
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Return the log posterior density of the coordinates, shape (n,)."""
-        density = self.log_posterior(self.parameters_at(coordinates))
-        return density + self.log_volume(coordinates)
+        # The log determinant of the derivatives of the parameters by the coordinates.
+        volume = self._mapped(coordinates, 2).sum(axis=-1)
+        return self.log_posterior(self.parameters_at(coordinates)) + volume
 
     def with_priors(self, priors: Mapping[str, Prior | tuple[float, float]]) -> Model:
         """Return the model with priors in displayed units, by name, as in `Parameter.with_prior`.
