@@ -14,8 +14,6 @@ from reproduce.physics.validate import FloatArray
 
 # Draws of quantities by their names.
 _Draws = Mapping[str, Quantity]
-# Bounds of the central 95 %, of the central 50 %, and the median.
-_QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 # Correlation from which a pair has a panel, and draws that the panel shows at most.
 _MIN_CORRELATION, _MAX_POINTS = 0.5, 400
 # Largest number of draws that a density uses.
@@ -70,7 +68,6 @@ def draw_intervals(
 
 def _draw_interval(axes: Axes, values: FloatArray, height: float, colour: str) -> None:
     """Draw the density, the intervals and the median of draws."""
-    low, lower, median, upper, high = np.quantile(values, _QUANTILES)
     bodies: Any = axes.violinplot(
         values[:: -(-len(values) // _MAX_DENSITY_DRAWS)],
         [height],
@@ -80,6 +77,17 @@ def _draw_interval(axes: Axes, values: FloatArray, height: float, colour: str) -
         side="high",
     )["bodies"]
     bodies[0].set(facecolor=colour, edgecolor="none", alpha=0.2)
-    ends = [low, lower], [high, upper]
-    axes.hlines([height] * 2, *ends, colour, linewidths=[1.5, 5.0])
-    axes.plot(median, height, "o", color=colour, markeredgecolor="w", markersize=7)
+    axes.boxplot(
+        values,
+        positions=[height],
+        orientation="horizontal",
+        whis=(2.5, 97.5),
+        widths=0.3,
+        showcaps=False,
+        showfliers=False,
+        manage_ticks=False,
+        patch_artist=True,
+        boxprops={"facecolor": colour, "edgecolor": colour},
+        whiskerprops={"color": colour},
+        medianprops={"color": "w"},
+    )

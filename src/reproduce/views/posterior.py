@@ -380,7 +380,7 @@ class Posterior(ResultView):
         inside = sum(0.025 <= tail <= 0.975 for tail in tails)
         sentences = [
             f"Posterior {self.name}, data {self.data_text}.",
-            "Dots: medians; thick and thin lines: central 50 % and 95 %; shaded: density.",
+            "Boxes: central 50 % with the median; lines: central 95 %; shaded: density.",
             f"Dashed: {kind}." * bool(tails),
             f"The 95 % intervals contain {inside} of {len(tails)} true values."
             * bool(tails and self.truth),
@@ -442,13 +442,12 @@ class Posterior(ResultView):
 
     def cite(self, form: str = "bibtex") -> str:
         """Return its citation and the citation of the paper: bibtex, ris, csl or text."""
-        declared = self.declared
         return cite_related(
             form,
-            declared.paper,
+            self.declared.paper,
             f"posterior-{self.name}",
             "Posterior of",
-            declared.title,
+            self.declared.title,
         )
 
     def rerun(self, **changes: Any) -> Posterior:
