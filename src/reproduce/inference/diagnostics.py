@@ -196,7 +196,8 @@ class UnconvergedError(ArithmeticError):
         self.steps = int(hundreds) * 100 if np.isfinite(hundreds) else None
 
     def __str__(self) -> str:
-        steps, mixing = self.steps, "find out what keeps the ensembles from mixing"
+        steps = self.steps
+        mixing = "find out what keeps the ensembles from mixing"
         advice = f"take about {steps} steps, not {self.taken}" if steps else mixing
         rest = len(self.missed) - 1
         more = f" (and {rest} more)" * (rest > 0)
@@ -274,7 +275,8 @@ def require(
     UnconvergedError
         With the failures and the sufficient number of steps.
     """
-    limits, lowest = ConvergenceCriteria, min(acceptance)
+    limits = ConvergenceCriteria
+    lowest = min(acceptance)
     # Failure to the factor on the steps that lifts it. NaN fails.
     factors: dict[str, float] = {}
     if not lowest >= limits.acceptance:

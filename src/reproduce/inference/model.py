@@ -418,7 +418,8 @@ class Model:
         Each with the rough estimate from the data, its standard error, and the distance from the
         prior in standard deviations.
         """
-        found, start = {}, self.likelihood.start()
+        found = {}
+        start = self.likelihood.start()
         for one, value, error in zip(self.parameters, *start, strict=True):
             distance = one.prior.distance(value, error) if error > 0 else 0.0
             if distance > _MAX_PRIOR_DISTANCE_SIGMA:

@@ -133,11 +133,13 @@ class PosteriorSamples:
         """
         import arviz_base
 
-        model, likelihood = self.model, self.model.likelihood
+        model = self.model
+        likelihood = model.likelihood
         generator = default_rng(SeedSequence(self.seed, spawn_key=(98,)))
         prior = model.drawn_prior(generator, _MAX_SAVED_DRAWS)[None]
         rows, selected = self.selected
-        log, pointwise = model.log_posterior(self.draws), self.log_likelihood()
+        log = model.log_posterior(self.draws)
+        pointwise = self.log_likelihood()
         # Parts of printed numbers are no elements of the observed arrays.
         name, values = [*likelihood.observed.items()][-1]
         name = name if len(values) == pointwise.shape[2] else "data"
@@ -184,7 +186,8 @@ class PosteriorSamples:
         """
         import pandas as pd
 
-        likelihood, draws = self.model.likelihood, self.draws
+        likelihood = self.model.likelihood
+        draws = self.draws
         generator = default_rng(SeedSequence(self.seed, spawn_key=(99,)))
         rows = draws[np.linspace(0, len(draws) - 1, _REPLICATES).astype(int)]
         repeats = (likelihood.repeat(row, generator) for row in rows)

@@ -159,7 +159,8 @@ def sample(
     """
     execute = map if executor is None else executor.map
     while True:
-        run, results = partial(run_ensemble, model, plan), []
+        run = partial(run_ensemble, model, plan)
+        results = []
         for result in execute(run, range(plan.ensembles)):
             results.append(result)
             if progress is not None:

@@ -56,7 +56,8 @@ _NAMES_WIDTH = 40
 @cache
 def book_posterior(name: str) -> PosteriorSamples:
     """Return a posterior of the book, which only one process of a build samples."""
-    model, plan = posteriors()[name].model(), posteriors()[name].plan
+    declared = posteriors()[name]
+    model = declared.model()
 
     def dump(samples: PosteriorSamples) -> bytes:
         content = BytesIO()
@@ -69,10 +70,13 @@ def book_posterior(name: str) -> PosteriorSamples:
 
     def load(content: bytes) -> PosteriorSamples:
         with np.load(BytesIO(content), allow_pickle=False) as arrays:
-            return PosteriorSamples(model, plan.seed, **arrays)
+            return PosteriorSamples(model, declared.plan.seed, **arrays)
 
     return computed.cached(
-        f"posterior-{name}.npz", lambda: sampling.sample(model, plan), dump, load
+        f"posterior-{name}.npz",
+        lambda: sampling.sample(model, declared.plan),
+        dump,
+        load,
     )
 
 
@@ -91,7 +95,8 @@ class Posterior(ResultView):
         **settings: Any,
     ) -> None:
         self.key = self.name = check_choice("name", name, posteriors())
-        self.declared, self._priors = posteriors()[name], _named(priors)
+        self.declared = posteriors()[name]
+        self._priors = _named(priors)
         settings = without_none(settings)
         self._arguments = {"data": data, **settings}
         numbers = {n: settings.pop(n) for n in _NUMBERS[1:] if n in settings}
@@ -219,7 +224,8 @@ class Posterior(ResultView):
 
     @cached_property
     def _stars(self) -> pd.DataFrame | None:
-        likelihood, table = self.model.likelihood, self._table
+        likelihood = self.model.likelihood
+        table = self._table
         if not isinstance(likelihood, MixtureRegistration):
             return None
         name, rows = "star", np.arange(len(likelihood.source)) + 1
@@ -371,8 +377,14 @@ class Posterior(ResultView):
         }
         kind, marks = "truth of the simulation", self.truth
         if not (marks or self._table):
-            kind, texts = "printed value", self.declared.summary.items()
-            marks = self._shown({key: find(a)[0].si for key, a in texts if "#" in a})
+            kind = "printed value"
+            marks = self._shown(
+                {
+                    name: find(address)[0].si
+                    for name, address in self.declared.summary.items()
+                    if "#" in address
+                }
+            )
         with suppress(ValueError):
             exact = model.displayed(model.exact(len(rows), default_rng(0)))
         pair, correlation = correlated_pair(draws)
@@ -461,7 +473,8 @@ class Posterior(ResultView):
 
     def record(self) -> dict[str, Any]:
         """Return the summary with its provenance for other programs."""
-        samples, priors = self.sampled, self.priors.reset_index(names="name")
+        samples = self.sampled
+        priors = self.priors.reset_index(names="name")
         ensembles, steps, walkers, _ = samples.chain.shape
         stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
         return {
@@ -483,7 +496,8 @@ class Posterior(ResultView):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the summary, the convergence, the wrong matches, and warnings."""
-        samples, truth = self.sampled, self.truth
+        samples = self.sampled
+        truth = self.truth
         rows = [
             (row.name + _in_brackets(row.unit), truth.get(row.name, ""), *interval(row))
             for row in samples.summaries
@@ -511,7 +525,8 @@ class Posterior(ResultView):
     @property
     def findings(self) -> list[str]:
         """Warnings: priors, modes, predictive checks, stars that a robust fit drops, the data."""
-        found, stars = [*self.sampled.warnings()], self._stars
+        found = [*self.sampled.warnings()]
+        stars = self._stars
         if stars is not None:
             dropped = stars["dropped_by_robust_fit"].sum()
             false = (stars["probability_false"] > 0.5).sum()

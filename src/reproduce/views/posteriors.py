@@ -116,7 +116,8 @@ class Posteriors(Display):
     @property
     def models(self) -> Blocks:
         """Titles of the models, and the columns of a table of your data."""
-        models, files = [], dict[tuple[str, str], list[str]]()
+        models = []
+        files = dict[tuple[str, str], list[str]]()
         for key, declared in posteriors().items():
             models.append((key, declared.paper, declared.title))
             texts = ", ".join(declared.columns) or "none", declared.meaning
@@ -152,7 +153,8 @@ class Posteriors(Display):
         stored = stored[stored["posterior"].isin(names)]
         models = stored.groupby("posterior", sort=False)
         rows = [_diagnosed(str(name), one, trials) for name, one in models]
-        least, count = stored["even"].min(), len(stored)
+        least = stored["even"].min()
+        count = len(stored)
         caption = item_text("posteriors/diagnostics").caption.format(
             paper=paper,
             limits=ConvergenceCriteria,
@@ -183,7 +185,8 @@ def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> dict[str, Entry]
     """Return the row of a posterior: chains, then calibration."""
     samples = book_posterior(name)
     chains = pd.DataFrame(samples.rows)
-    least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
+    least = stored.sort_values("even").iloc[0]
+    wide = 100 * stored["covers_95"]
     return {
         "Model": name,
         "R-hat, largest": f"{chains['rhat'].max():.4f}",

@@ -36,10 +36,12 @@ def _averaging_moments(images: int, counts: tuple[int, ...]) -> tuple[FloatArray
     Means for unit white noise and for a unit floor, (m,), and traces of products for the white part
     and for the mixed part of their covariances, (m, m).
     """
-    drift, every = _drift(images), np.eye(images)
+    drift = _drift(images)
+    every = np.eye(images)
     # Quadratic forms of the images, whose values are the variances.
     forms = np.stack([np.cov(moving_average(every, count)) for count in counts])
-    bent, pairs = forms @ drift, np.tensordot(forms, forms, axes=([1, 2], [2, 1]))
+    bent = forms @ drift
+    pairs = np.tensordot(forms, forms, axes=([1, 2], [2, 1]))
     return np.trace(forms, axis1=1, axis2=2), bent @ drift, pairs, bent @ bent.T
 
 
@@ -70,7 +72,8 @@ class AveragedNoise(Likelihood):
         white, floor = np.square(parameters.T)[..., None, None]
         mean = white * ones + floor * drifts
         covariance = 2 * white**2 * pairs + 4 * white * floor * bent
-        root, variance = np.sqrt(mean), np.diagonal(covariance, axis1=1, axis2=2)
+        root = np.sqrt(mean)
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
         rounding = self.half_unit**2 / 3 * np.eye(len(self.counts))
         total = covariance / (4 * root.mT * root) + rounding
         residual = self.scatter - root * (1 - variance[:, None] / mean**2 / 8)
@@ -82,7 +85,8 @@ class AveragedNoise(Likelihood):
         white, floor = parameters
         noise = generator.normal(size=self.images)
         series = white * noise + floor * _drift(self.images)
-        scatter, unit = scatter_of_averages(series, self.counts), 2 * self.half_unit
+        scatter = scatter_of_averages(series, self.counts)
+        unit = 2 * self.half_unit
         return replace(self, scatter=np.round(scatter / unit) * unit)
 
     def start(self) -> Estimate:
@@ -140,7 +144,8 @@ class StageAngles(Likelihood):
 
     def start(self) -> Estimate:
         """Return least-squares estimates for the better order, with their errors, (2,) each."""
-        both, angles = self._both.reshape(2, -1), self.angles.ravel()
+        both = self._both.reshape(2, -1)
+        angles = self.angles.ravel()
         squares = np.square(self.motions).sum()
         # A small angle is minus the motion over the focal length.
         slopes = -both @ angles / squares

@@ -70,7 +70,8 @@ class SpotLikelihood(Likelihood):
         times: Sequence[ArrayLike] = (0.0, 0.0),
     ) -> Self:
         """Reduce images (frames, lasers, 2) of both groups at some times u, in px."""
-        moments, squares = [], 0.0
+        moments = []
+        squares = 0.0
         series = tuple(map(np.full, map(len, images), times))
         for spots, u in zip(images, series, strict=True):
             mean = spots.mean(axis=0)

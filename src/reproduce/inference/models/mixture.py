@@ -65,7 +65,8 @@ class DistortedRegistration(GaussianRegistration):
         edge = np.abs(as_complex(self.source - self.pivot)).max()
         offsets = as_complex(source - self.pivot) / edge
         # The ratio of ideal and measured radius is the root of a cubic polynomial.
-        term, ratio = undo / edge * np.abs(offsets) ** 2, 1.0
+        term = undo / edge * np.abs(offsets) ** 2
+        ratio = 1.0
         for _ in range(_NEWTON_STEPS):
             ratio = (1 + 2 * term * ratio**3) / (1 + 3 * term * ratio**2)
         carried = scale * np.exp(1j * rotation) * ratio * offsets
@@ -162,7 +163,8 @@ class MixtureRegistration(GaussianRegistration):
 
     def start(self) -> Estimate:
         """Return the fit of the stars that agree, and the fraction of the others."""
-        count, (centre, spread) = len(self.source), self.right.start()
+        count = len(self.source)
+        centre, spread = self.right.start()
         fraction = ((~self.agreeing).sum() + 1) / (count + 2)
         error = np.sqrt(fraction * (1 - fraction) / count)
         return np.append(centre, fraction), np.append(spread, error)

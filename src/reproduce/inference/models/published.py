@@ -71,7 +71,8 @@ class PrintedFit(Likelihood):
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of estimates and residuals drawn for one parameter vector."""
         *values, noise = parameters
-        errors, unit = generator.choice(self.errors), 2 * self.half_units
+        errors = generator.choice(self.errors)
+        unit = 2 * self.half_units
         estimates = generator.normal(values, noise * errors)
         squares = generator.chisquare(self.count, self.residuals.shape) / self.points
         estimates = np.round(estimates / unit) * unit

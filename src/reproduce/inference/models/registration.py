@@ -164,10 +164,8 @@ class GaussianRegistration(Likelihood):
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
-        residuals, inverse = (
-            self.target - self.places(parameters, self.source),
-            self.precision,
-        )
+        residuals = self.target - self.places(parameters, self.source)
+        inverse = self.precision
         if self.problem.source_covariance.any():
             inverse = self._precision(parameters[:, : self.size])
         squares = np.einsum("...i,...ij,...j", residuals, inverse, residuals)
@@ -213,7 +211,8 @@ class GaussianRegistration(Likelihood):
         """
         if not self.is_linear or self.problem.model != "similarity":
             return super().exact(count, generator)
-        fit, noise = self.fit, np.ones(count)
+        fit = self.fit
+        noise = np.ones(count)
         if not fit.errors_known:
             scaled = generator.chisquare(fit.degrees_of_freedom, count)
             noise = np.sqrt(fit.chi_square / scaled)
@@ -222,7 +221,8 @@ class GaussianRegistration(Likelihood):
             np.zeros(4), cofactor, count, method="cholesky"
         )
         rows = self.linear(fit.parameters[None]) + noise[:, None] * unit
-        factors, angle = as_complex(rows[:, :2]), fit.parameters[1]
+        factors = as_complex(rows[:, :2])
+        angle = fit.parameters[1]
         angles = angle + np.angle(factors * np.exp(-1j * angle))
         scales = np.abs(factors)
         # Flat in scale and rotation is flat in the two parts divided by the scale.
@@ -237,8 +237,10 @@ class GaussianRegistration(Likelihood):
         """
         if not other.fit.degrees_of_freedom:
             return {}
-        offsets, found = as_complex(other.source - other.pivot), other.fit.residuals
-        residuals, radius = as_complex(found), np.abs(offsets)
+        offsets = as_complex(other.source - other.pivot)
+        found = other.fit.residuals
+        residuals = as_complex(found)
+        radius = np.abs(offsets)
         outer = radius >= np.median(radius)
         turned = (residuals[outer] * offsets[outer].conj() / radius[outer]).mean()
         rms = np.sqrt(np.square(found).mean())
@@ -372,7 +374,8 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
     >>> print(model.parameters[1].prior)
     uniform from -3.14159 to 3.14159
     """
-    right, problem = likelihood.right, likelihood.right.problem
+    right = likelihood.right
+    problem = right.problem
     least = (right.size + 1) // 2 + (0 if problem.errors_known else 2)
     if len(problem.source) < least:
         raise ValueError(
@@ -384,7 +387,8 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
             "target: expected points with noise, got points that fit without any error. Use "
             "`reproduce.register`"
         )
-    names, scales = (*right.fit.names, "noise"), {"noise": likelihood.noise_scale}
+    names = (*right.fit.names, "noise")
+    scales = {"noise": likelihood.noise_scale}
     parameters = []
     # Known errors are no parameter.
     for name, value, error in zip(names, *right.start(), strict=False):

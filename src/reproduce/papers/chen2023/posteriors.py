@@ -70,11 +70,13 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     The images of both groups are simulated.
     """
     generator = default_rng(inputs.seed(2, int(drifts)))
-    frames, design = inputs.count(_FRAMES), as_designed(inputs)
+    frames = inputs.count(_FRAMES)
+    design = as_designed(inputs)
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
     # The printed spots are closer together than the designed square: simulate the printed ones.
     lasers = square_ratio(design) * design.lasers
-    zero, groups = np.zeros(3), []
+    zero = np.zeros(3)
+    groups = []
     for middle, half in ((zero, zero), (_TRUTH, drifts * _DRIFT / 2)):
         angles = np.linspace(middle - half, middle + half, frames)
         true = design.predicted(angles, lasers=lasers)
@@ -132,7 +134,8 @@ def _your_model(
             )
         u = 2 * (times - times.mean()) / np.ptp(times)
     likelihood = SpotLikelihood.of(instrument, images, (0.0, u))
-    model, scatter = misalignment_model(likelihood), likelihood.start()[0][-1]
+    model = misalignment_model(likelihood)
+    scatter = likelihood.start()[0][-1]
     *angles, _, noise = model.names
     priors: dict[str, Prior] = dict.fromkeys(angles, _ANGLE_PRIOR)
     priors[noise] = LogUniform(

@@ -116,7 +116,8 @@ def _model(
 def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Derived:
     """Return the consequences of the registration of red at the test points."""
     generator = default_rng(inputs.seed(3, 0, 0))
-    half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
+    half = simulation.half_ranges(inputs)
+    count = inputs.count(_TEST_POINTS)
     directions = generator.uniform(-half, half, (count, 2))
     true = channel_centroids(simulation.instrument(inputs), directions)
     _, source, _ = _noisy(inputs, true, 3, 1)
