@@ -27,6 +27,7 @@ from reproduce.inference.models.registration import (
 )
 from reproduce.physics.registration import (
     Problem,
+    RegistrationFit,
     as_complex,
     as_points,
     fit_problem,
@@ -157,14 +158,14 @@ class MixtureRegistration(GaussianRegistration):
         return fit_problem(self.problem, robust=True).weights > 0
 
     @cached_property
-    def right(self) -> GaussianRegistration:
-        """The registration of the stars that agree."""
-        return GaussianRegistration(self.problem.rows(self.agreeing))
+    def fit(self) -> RegistrationFit:
+        """The fit of the stars that agree."""
+        return fit_problem(self.problem.rows(self.agreeing))
 
     def start(self) -> Estimate:
         """Return the fit of the stars that agree, and the fraction of the others."""
         count = len(self.source)
-        centre, spread = self.right.start()
+        centre, spread = super().start()
         fraction = ((~self.agreeing).sum() + 1) / (count + 2)
         error = np.sqrt(fraction * (1 - fraction) / count)
         return np.append(centre, fraction), np.append(spread, error)

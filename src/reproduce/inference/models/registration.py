@@ -87,13 +87,8 @@ class GaussianRegistration(Likelihood):
 
     @cached_property
     def fit(self) -> RegistrationFit:
-        """The fit of the points."""
+        """The fit of the stars that are rightly matched: of all stars."""
         return fit_problem(self.problem)
-
-    @property
-    def right(self) -> GaussianRegistration:
-        """The registration of the stars that are rightly matched: of all stars."""
-        return self
 
     @property
     def is_linear(self) -> bool:
@@ -263,7 +258,7 @@ class GaussianRegistration(Likelihood):
         stars. The angle belongs to the reference channel.
         """
         generator = default_rng(_NOISE_SEED)
-        registered = self.right.fit.transform.apply(source)
+        registered = self.fit.transform.apply(source)
         outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
 
         def errors(rows: FloatArray) -> FloatArray:
@@ -374,24 +369,24 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
     >>> print(model.parameters[1].prior)
     uniform from -3.14159 to 3.14159
     """
-    right = likelihood.right
-    problem = right.problem
-    least = (right.size + 1) // 2 + (0 if problem.errors_known else 2)
-    if len(problem.source) < least:
+    fit = likelihood.fit
+    count = len(fit.residuals)
+    least = (likelihood.size + 1) // 2 + (0 if fit.errors_known else 2)
+    if count < least:
         raise ValueError(
-            f"source: expected at least {least} points, got {len(problem.source)}. Add stars, or "
-            "give their errors"
+            f"source: expected at least {least} points, got {count}. Add stars, or give their "
+            "errors"
         )
-    if not problem.errors_known and right.fit.is_exact:
+    if not fit.errors_known and fit.is_exact:
         raise ValueError(
             "target: expected points with noise, got points that fit without any error. Use "
             "`reproduce.register`"
         )
-    names = (*right.fit.names, "noise")
+    names = fit.names if fit.errors_known else (*fit.names, "noise")
     scales = {"noise": likelihood.noise_scale}
     parameters = []
-    # Known errors are no parameter.
-    for name, value, error in zip(names, *right.start(), strict=False):
+    # The estimates of further parameters come last.
+    for name, value, error in zip(names, *likelihood.start(), strict=False):
         half, reason = _STANDARD_ERRORS * error, "any: a million standard errors"
         if name == "rotation":
             half, reason = np.pi, "any: the full circle, cut opposite to least squares"
