@@ -101,13 +101,14 @@ def _your_model(
     """Return your spots, a misalignment, constant or with a drift in group 1, and remarks.
 
     The default platform is the platform of the paper. The remarks are the remarks of
-    `reproduce.misalignment`.
+    `reproduce.misalignment`, except on lost spots.
     """
     table = read_table(data, SPOTS, IMAGES, sep)
     design = platform_of(platform)
     pair, labels = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
-    remarks = [one.text for one in diagnosis.findings]
+    # The posterior omits images that lack a spot.
+    remarks = [one.text for one in diagnosis.findings if one.kind != "lost"]
     whole = [np.isfinite(group).all(axis=(-2, -1)) for group in diagnosis.images]
     images = [group[seen] for group, seen in zip(diagnosis.images, whole, strict=True)]
     counts = [len(group) for group in images]
