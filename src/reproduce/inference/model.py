@@ -419,8 +419,9 @@ class Model:
         prior in standard deviations.
         """
         found = {}
-        start = self.likelihood.start()
-        for one, value, error in zip(self.parameters, *start, strict=True):
+        for one, value, error in zip(
+            self.parameters, *self.likelihood.start(), strict=True
+        ):
             distance = one.prior.distance(value, error) if error > 0 else 0.0
             if distance > _MAX_PRIOR_DISTANCE_SIGMA:
                 found[one.name] = (value, error, distance)
