@@ -81,7 +81,7 @@ def autocorrelation_time(chains: FloatArray) -> float:
     # About the common mean, so that ensembles that differ count as slow.
     inflation = chains.shape[2] * means.var() / variance
     walkers = _integrated_time(np.moveaxis(chains, 0, 1))
-    return max(walkers, float(_integrated_time(means) * inflation))
+    return max(walkers, _integrated_time(means) * inflation)
 
 
 def _effective_size(chains: FloatArray) -> float:

@@ -338,7 +338,7 @@ class Posterior(ResultView):
     def _shown(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the name of their parameter in the displayed unit."""
         return {
-            p.name: float(p.shown * values[p.name])
+            p.name: p.shown * values[p.name]
             for p in self.model.parameters
             if p.name in values
         }

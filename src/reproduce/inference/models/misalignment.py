@@ -75,7 +75,7 @@ class SpotLikelihood(Likelihood):
         series = tuple(map(np.full, map(len, images), times))
         for spots, u in zip(images, series, strict=True):
             mean = spots.mean(axis=0)
-            slope = np.tensordot(u, spots - mean, axes=1) / (float(u @ u) or 1.0)
+            slope = np.tensordot(u, spots - mean, axes=1) / (u @ u or 1.0)
             residuals = spots - mean - u[:, None, None] * slope
             squares += np.square(residuals).sum()
             moments.append((mean, slope))

@@ -69,7 +69,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 
     The images of both groups are simulated.
     """
-    generator = default_rng(inputs.seed(2, int(drifts)))
+    generator = default_rng(inputs.seed(2, drifts))
     frames = inputs.count(_FRAMES)
     design = as_designed(inputs)
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
