@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.random import default_rng
 
-from reproduce.inference import LogUniform, Model, Normal, Prior, Quantity
+from reproduce.inference import LogUniform, Model, Normal, Quantity
 from reproduce.inference.models import (
     SpotLikelihood,
     misalignment_model,
@@ -138,13 +138,13 @@ def _your_model(
     model = misalignment_model(likelihood)
     scatter = likelihood.start()[0][-1]
     *angles, _, noise = model.names
-    priors: dict[str, Prior] = dict.fromkeys(angles, _ANGLE_PRIOR)
-    priors[noise] = LogUniform(
+    wide = LogUniform(
         1e-6 * scatter,
         1e6 * scatter,
         "no scale preferred: a millionth to a million times the scatter of the spots",
     )
-    return table, model.with_priors(priors), remarks
+    priors = dict.fromkeys(angles, _ANGLE_PRIOR)
+    return table, model.with_priors({**priors, noise: wide}), remarks
 
 
 _SPOTS = partial(
