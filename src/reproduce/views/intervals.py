@@ -57,7 +57,8 @@ def draw_intervals(
         axes.spines["left"].set_visible(False)
         axes.locator_params(axis="x", nbins=4)
     if pair:
-        axes, values = panels[-1], np.stack([draws[name].values for name in pair])
+        axes = panels[-1]
+        values = np.stack([draws[name].values for name in pair])
         every = -(-values.shape[1] // _MAX_POINTS)
         axes.plot(*values[:, ::every], "C0.", markersize=3, alpha=0.6)
         if marks.keys() >= {*pair}:

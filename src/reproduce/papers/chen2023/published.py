@@ -57,10 +57,8 @@ def averaging(inputs: Inputs, axis: str) -> Model:
 def _stage(inputs: Inputs) -> Model:
     """Return the focal length of the telescope and the noise of a state of Table V."""
     # A motion along one axis rotates the camera about the other axis.
-    angles, motions = (
-        inputs.pairs("chen2023/table-5#*.monitoring-?"),
-        stage_motions(inputs)[1:],
-    )
+    angles = inputs.pairs("chen2023/table-5#*.monitoring-?")
+    motions = stage_motions(inputs)[1:]
     likelihood = StageAngles(angles.T[::-1], motions.T[::-1])
     nominal = inputs[TELESCOPE]
     length = Uniform(nominal / 2, nominal * 2, "half to double the nominal length")

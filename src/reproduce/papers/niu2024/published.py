@@ -67,7 +67,8 @@ def _noise_free_fit(
 
     Star positions follow from the rotation angles of the table, shape (n, 2), in rad.
     """
-    place, spots = CHANNELS.index(channel), channel_centroids(cameras, angles)
+    place = CHANNELS.index(channel)
+    spots = channel_centroids(cameras, angles)
     pivot = cameras[place].principal_point
     return fit_registration(spots[place], spots[0], pivot, target_covariance=np.eye(2))
 
