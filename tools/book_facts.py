@@ -186,7 +186,9 @@ def of_study(key: str) -> dict[str, Any]:
 def _texts_of_study(key: str) -> dict[str, str]:
     values = of_study(key)
     return {
-        name: quantity(numbers.entry(values[name], Column(name, fact.form)), fact.unit)
+        name: quantity(
+            numbers.entry(values[name], Column(name=name, form=fact.form)), fact.unit
+        )
         for name, fact in item_text(key).facts.items()
     }
 

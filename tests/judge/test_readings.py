@@ -18,7 +18,7 @@ from reproduce.printed.number import PrintedNumber
 
 TABLE, CELL = "niu2024/table-2", "scale.red"  # prints 0.9976
 OPTIONS = {
-    name: {way: Alternative(way, "nowhere") for way in ways}
+    name: {way: Alternative(text=way, place="nowhere") for way in ways}
     for name, ways in {
         "a": ("one", "two"),
         "b": ("x", "y", "z"),

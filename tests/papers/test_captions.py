@@ -1,7 +1,6 @@
 """Tests of the captions of supplementary tables and options."""
 
 import tomllib
-from dataclasses import replace
 
 import pytest
 from places import ROOT
@@ -41,7 +40,7 @@ def test_every_text_is_used():
 
 @pytest.mark.parametrize("facts", [{"altitude": Fact(), "lost": Fact()}, {}])
 def test_a_fact_without_a_value_or_a_format_is_named(facts, monkeypatch):
-    text = replace(item_text("chen2023/budget"), facts=facts)
+    text = item_text("chen2023/budget").model_copy(update={"facts": facts})
     monkeypatch.setattr(Study, "text", text)
     with pytest.raises(ValueError, match=r"budget: .*altitude"):
         of_study("chen2023/budget")

@@ -102,13 +102,13 @@ def test_numbers_have_the_digits_that_their_errors_allow():
         ("1.00", 1.0, 0.02),
     ):
         assert verdicts.chance(value, error) == text
-    for text, value, *style in (
+    for text, value, form, zero in (
         ("0.043", 0.0432, ".3f", 0.0),
         ("0", -4e-10, ".2g", 1e-9),
         ("10,000", 10_000, ",", 0.0),
         ("Table 2", "Table 2", "", 0.0),
     ):
-        assert numbers.entry(value, Column("", *style)) == text
+        assert numbers.entry(value, Column(name="", form=form, zero=zero)) == text
 
 
 @pytest.fixture(scope="module")

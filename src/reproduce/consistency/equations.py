@@ -142,14 +142,9 @@ def _retroreflector(inputs: Inputs) -> _Values:
     """Rotate the reflector of the satellite, a corner cube, about three axes."""
     beam = [0.0, 0.0, -1.0]
     straight = raytrace.mirror_train(raytrace.CORNER) @ beam
-    moved = max(
-        np.linalg.norm(
-            raytrace.mirror_train(raytrace.CORNER @ rotation_from_vector(turn).T) @ beam
-            - straight
-        )
-        for turn in RADIANS_PER_ARCSEC * np.eye(3)
-    )
-    ratio = moved / RADIANS_PER_ARCSEC
+    turns = rotation_from_vector(RADIANS_PER_ARCSEC * np.eye(3))
+    moved = raytrace.mirror_train(raytrace.CORNER @ turns.mT) @ beam - straight
+    ratio = np.linalg.norm(moved, axis=-1).max() / RADIANS_PER_ARCSEC
     return ratio, ratio, 0.0
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from reproduce.consistency.relation import Relation, Sheet
 from reproduce.printed.corners import corner_intervals
@@ -69,8 +68,7 @@ def _ends(relation: Relation, cells: Sheet, rule: str = "") -> _Ends:
     return ends
 
 
-@dataclass(frozen=True)
-class RelationResult:
+class RelationResult(NamedTuple):
     """The result for one relation.
 
     `left` and `right` are its sides with the printed values inserted, in SI, and with the middle of
@@ -87,8 +85,7 @@ class RelationResult:
     allowed: Interval | None
 
 
-@dataclass(frozen=True)
-class _Agreement:
+class _Agreement(NamedTuple):
     """Values of a number that is not printed, from the relations that contain it, in SI.
 
     `by_relation` has the interval that each relation allows, without empty intervals. `common` has

@@ -5,8 +5,7 @@ from __future__ import annotations
 import fnmatch
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
@@ -22,8 +21,7 @@ from reproduce.consistency.relation import (
 from reproduce.printed.cells import library
 
 
-@dataclass(frozen=True)
-class Audit:
+class Audit(NamedTuple):
     """Results of the relations and of the equations of a paper.
 
     - `name`: the paper.

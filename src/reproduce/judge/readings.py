@@ -118,8 +118,9 @@ class Evaluation:
         conditions: list[dict[str, str]] = []
         never: dict[str, tuple[str, ...]] = {}
         # The smallest sets of options first.
-        sizes = range(len(options) + 1)
-        for names in chain(*(combinations(options, size) for size in sizes)):
+        for names in chain(
+            *(combinations(options, size) for size in range(len(options) + 1))
+        ):
             rest = tuple(i for i, one in enumerate(options) if one not in names)
             always, sometimes = agrees.all(axis=rest), agrees.any(axis=rest)
             if (always == sometimes).all():

@@ -153,11 +153,10 @@ def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
     >>> _has_wide_tolerance(PrintedNumber("44.6", qualifier="about"), 44.69)
     True
     """
-    if printed.qualifier not in TOLERANT:
-        return False
-    if printed.half_width > _WIDE_TOLERANCE * abs(printed.value):
-        return True
-    return not dataclasses.replace(printed, qualifier="").overlaps(value, value)
+    return printed.qualifier in TOLERANT and (
+        printed.half_width > _WIDE_TOLERANCE * abs(printed.value)
+        or not dataclasses.replace(printed, qualifier="").overlaps(value, value)
+    )
 
 
 def judge_prediction(printed: PrintedNumber, draws: _FloatArray) -> Reading:

@@ -6,20 +6,21 @@ A table of the file has the last part of a key as its name and the fields of `It
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 from functools import cache
 from typing import Any
 
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import BaseModel, ConfigDict
 
 from reproduce.locate import data_files, read_toml
 
-_STRICT = ConfigDict(extra="forbid")
+
+class _Text(BaseModel):
+    """Base of the texts."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-@dataclass(frozen=True, config=_STRICT)
-class Column:
+class Column(_Text):
     """A column of a supplementary table and the format of its numbers.
 
     Parameters
@@ -40,8 +41,7 @@ class Column:
     least: float = 0.0
 
 
-@dataclass(frozen=True, config=_STRICT)
-class Fact:
+class Fact(_Text):
     """A number or a word that sentences quote; `form` as in `Column`.
 
     A number in a supplementary table has its `column`. `rows` contains values of other columns. Of
@@ -51,12 +51,11 @@ class Fact:
     form: str = ""
     unit: str = ""
     column: str = ""
-    rows: dict[str, Any] = field(default_factory=dict)
+    rows: dict[str, Any] = {}
     take: str = "min"
 
 
-@dataclass(frozen=True, config=_STRICT)
-class Alternative:
+class Alternative(_Text):
     """An alternative of an option: its meaning, and the passage of the paper that allows it."""
 
     text: str
@@ -66,8 +65,7 @@ class Alternative:
 Options = Mapping[str, Mapping[str, Alternative]]
 
 
-@dataclass(frozen=True, config=_STRICT)
-class ItemText:
+class ItemText(_Text):
     """The texts of one key.
 
     - `title`: of a supplementary table or of a figure.
@@ -83,8 +81,8 @@ class ItemText:
     alternative: str = ""
     caption: str = ""
     columns: tuple[Column, ...] = ()
-    facts: dict[str, Fact] = field(default_factory=dict)
-    options: Options = field(default_factory=dict)
+    facts: dict[str, Fact] = {}
+    options: Options = {}
 
 
 def item_text(key: str) -> ItemText:

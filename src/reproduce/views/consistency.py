@@ -30,7 +30,7 @@ from reproduce.views.keys import check_choice, chosen_papers
 
 _Row = dict[Any, Any]
 # Format of both sides of an equation. Smaller numbers are rounding noise.
-_STYLE = Column("Value", ".5g", zero=1e-9)
+_STYLE = Column(name="Value", form=".5g", zero=1e-9)
 
 # Conclusions on the paper, in decreasing order of the consequence.
 _CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")

@@ -20,9 +20,9 @@ def entry(value: float | str, style: Column) -> str:
     Examples
     --------
     >>> from reproduce.papers.declare import Column
-    >>> entry(1.0, Column("RMSE (px)", ".3f")), entry(-2e-9, Column("x", ".1g"))
+    >>> entry(1.0, Column(name="RMSE (px)", form=".3f")), entry(-2e-9, Column(name="x", form=".1g"))
     ('1.000', '−2e−09')
-    >>> entry(3e-15, Column("p", ".1g", least=1e-12))
+    >>> entry(3e-15, Column(name="p", form=".1g", least=1e-12))
     '<\u202f1e−12'
     """
     if value != value:  # NaN
