@@ -47,10 +47,10 @@ def data_folder() -> Path:
     )
 
 
-def search_path() -> tuple[Path, ...]:
+def search_path() -> list[Path]:
     """Return the folders of further papers, from ``REPRODUCE_PATH``."""
     parts = os.environ.get("REPRODUCE_PATH", "").split(os.pathsep)
-    return tuple(Path(part) for part in parts if part)
+    return [Path(part) for part in parts if part]
 
 
 @cache

@@ -79,6 +79,6 @@ def test_placeholders_make_one_relation_each():
     """
     found = declared(text, CELLS)
     assert [r.name for r in found] == ["less-1-2", "less-2-1"]
-    assert found[1].addresses == ("t#2.length", "t#1.length")
+    assert found[1].addresses == ["t#2.length", "t#1.length"]
     with pytest.raises(ValueError, match="twice"):
         declared(text.replace("less-{i}-{j}", "less"), CELLS)

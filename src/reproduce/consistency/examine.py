@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from reproduce.consistency.relation import Relation, Sheet
@@ -96,7 +96,7 @@ class _Agreement(NamedTuple):
 
     by_relation: dict[str, Interval]
     common: Interval
-    members: tuple[str, ...]
+    members: Collection[str]
 
 
 def _gaps(
@@ -169,13 +169,13 @@ def _agreements(
         members = {name: one for name, one in allowed.items() if name in shared}
         lows, highs = zip(unknown.domain, *members.values(), strict=True)
         common = max(lows), min(highs)
-        found[unknown.name] = _Agreement(allowed, common, tuple(members))
+        found[unknown.name] = _Agreement(allowed, common, members)
     return found
 
 
 def _contradicted(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
-) -> frozenset[str]:
+) -> set[str]:
     """Return the names of the relations that cannot hold if all numbers follow a rounding rule.
 
     A relation with an unknown cannot hold if it is outside of the largest set that agrees on one
@@ -183,7 +183,7 @@ def _contradicted(
     that are not in all of them count as contradicting.
     """
     shared = _agreements(cells, relations, rule)
-    return frozenset(
+    return {
         relation.name
         for relation in relations
         if (
@@ -191,7 +191,7 @@ def _contradicted(
             if relation.unknown
             else _contradicts(relation, _ends(relation, cells, rule))
         )
-    )
+    }
 
 
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]:

@@ -159,7 +159,7 @@ class Relation(_Declared):
 
     name: str
     formula: Formula
-    binding: Mapping[str, tuple[str, ...]]
+    binding: Mapping[str, list[str]]
     source: str
     kind: Literal[
         "equation",
@@ -189,9 +189,9 @@ class Relation(_Declared):
         return exact and self.formula.bare
 
     @property
-    def addresses(self) -> tuple[str, ...]:
+    def addresses(self) -> list[str]:
         """The addresses of its cells, each once."""
-        return tuple(dict.fromkeys(itertools.chain(*self.binding.values())))
+        return list(dict.fromkeys(itertools.chain(*self.binding.values())))
 
     @property
     def result(self) -> str | None:
@@ -297,9 +297,9 @@ def _relation(
     return relation
 
 
-def _bound(pattern: str, cells: Sheet) -> tuple[str, ...]:
+def _bound(pattern: str, cells: Sheet) -> list[str]:
     """Return the addresses behind a name of a formula."""
-    matches = tuple(fnmatch.filter(cells, pattern))
+    matches = fnmatch.filter(cells, pattern)
     if not matches:
         raise ValueError(
             f"cells: expected an address, got {pattern!r}, which matches no printed number. "

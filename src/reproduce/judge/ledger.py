@@ -129,9 +129,9 @@ class Ledger(Frozen):
     citation: str = ""
     """how to cite an export, and the paper"""
 
-    def of(self, key: str) -> tuple[Record, ...]:
+    def of(self, key: str) -> list[Record]:
         """Return the records of one item, in printed order."""
-        return tuple(record for record in self.records if record.key == key)
+        return [record for record in self.records if record.key == key]
 
 
 def build(

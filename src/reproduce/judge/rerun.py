@@ -230,7 +230,7 @@ class Rerun:
         return bool(self.options) and not self.changes
 
     @cached_property
-    def cells(self) -> tuple[_ChangedCell, ...]:
+    def cells(self) -> list[_ChangedCell]:
         """Every cell that the item computes, in printed order."""
         table, cells = library()[self.key], {}
         with self.explained():
@@ -250,7 +250,7 @@ class Rerun:
                     if not np.isfinite([*numbers, *(ends or ())]).all():
                         raise ArithmeticError(f"{cell.address} is not a finite number")
                     cells[name] = _ChangedCell(cell, *numbers, ends, verdict)
-        return tuple(cells[name] for name in table.by_name if name in cells)
+        return [cells[name] for name in table.by_name if name in cells]
 
     def _reaches(self, patterns: tuple[str, ...]) -> bool:
         """Return whether a changed value is an input, direct or through other items."""

@@ -152,7 +152,7 @@ def _relation(finding: RelationResult, audit: Audit) -> _Row:
         "outcome": finding.outcome,
         "formula": relation.formula.text,
         "sides": _sides(finding, audit),
-        "cells": list(relation.addresses),
+        "cells": relation.addresses,
         **{name: getattr(relation, name) for name in fields},
         "tolerance": str(relation.tolerance or ""),
         "rescued_by": finding.rescued_by,
