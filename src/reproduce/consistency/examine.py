@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from reproduce.consistency.relation import Relation, Sheet
 from reproduce.printed.corners import corner_intervals
-from reproduce.printed.number import Interval, PrintedNumber, si_factor
+from reproduce.printed.number import Interval, PrintedNumber
 
 # Fraction by which binary arithmetic may move the end of an interval.
 _SLACK_RATIO = 1e-12
@@ -58,7 +58,7 @@ def _ends(relation: Relation, cells: Sheet, rule: str = "") -> _Ends:
     tolerance = float(rule not in {"digits", "exact"})
     ends = {_TOLERANCE: (-tolerance, 0.0, tolerance)}
     for address in relation.addresses:
-        number, unit = cells[address].number, si_factor(cells[address].unit)
+        number, unit = cells[address].number, cells[address].si_unit
         value, (low, high) = number.value, _rounding_interval(number, rule)
         if relation.kind == "print":
             low = value = high = 10.0**number.exponent

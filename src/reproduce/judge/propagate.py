@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reproduce.judge.verdicts import TOLERANT, Flag
+from reproduce.judge.verdicts import Flag
 from reproduce.papers.declare import Computation
 from reproduce.printed.corners import corner_intervals
 from reproduce.printed.inputs import Inputs
@@ -18,7 +18,7 @@ _SLOPE_DECIMALS, _SIZE_RATIO = 9, 1e-9
 
 def result_intervals(
     computation: Computation, inputs: Inputs
-) -> dict[str, tuple[float, float, bool]]:
+) -> dict[str, tuple[float, float, list[str]]]:
     """Propagate the rounding of the printed inputs through a deterministic computation.
 
     Tests compare every interval with results at random points inside the rounding intervals.
@@ -33,21 +33,13 @@ def result_intervals(
     Returns
     -------
     dict
-        Name of each cell to the ends of its interval, by `corner_intervals`, and whether an input
-        with a wide tolerance changes it.
+        Name of each cell to the ends of its interval and the inputs that change it, by
+        `corner_intervals`.
     """
-    corners = corner_intervals(
+    return corner_intervals(
         lambda sides: computation(inputs.shifted(sides)),
         inputs.rounded(),
     )
-    return {
-        name: (
-            low,
-            high,
-            any(inputs.cells[a].number.qualifier in TOLERANT for a in moving),
-        )
-        for name, (low, high, moving) in corners.items()
-    }
 
 
 def plain_results(computation: Computation, inputs: Inputs) -> dict[str, Flag]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from reproduce.judge.propagate import result_intervals
 from reproduce.judge.verdicts import (
+    TOLERANT,
     Frozen,
     Reading,
     joint_probability,
@@ -29,7 +30,6 @@ from reproduce.judge.verdicts import (
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
-from reproduce.printed.number import si_factor
 from reproduce.store import studies
 
 _Array = NDArray[Any]
@@ -197,11 +197,12 @@ def evaluate_readings(
                 raise ValueError(
                     f"{computation.name}: expected declared cells, got {name}. Declare it"
                 )
-            cell, unit = table[name], si_factor(table[name].unit)
+            cell, unit = table[name], table[name].si_unit
             scaled = result / unit
             if name in allowed:
-                low, high, wide = allowed[name]
+                low, high, moving = allowed[name]
                 ends = low / unit, high / unit
+                wide = any(inputs.cells[a].number.qualifier in TOLERANT for a in moving)
                 reading = judge_value(cell.number, scaled, ends, wide=wide)
             else:
                 reading = judge_prediction(cell.number, scaled)

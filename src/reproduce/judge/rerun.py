@@ -36,7 +36,7 @@ from reproduce.papers.declare import (
 from reproduce.physics.validate import whole_number, without_none
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
-from reproduce.printed.number import Interval, minus, si_factor
+from reproduce.printed.number import Interval, minus
 from reproduce.printed.quantity import si_value
 
 # Relative difference of two results that rounding noise can explain.
@@ -240,7 +240,7 @@ class Rerun:
                 unchanged = before(load_inputs(computation.inputs))
                 for name, after in self.results(computation).items():
                     cell, ends, verdict = table[name], None, ""
-                    unit = si_factor(cell.unit)
+                    unit = cell.si_unit
                     if self.is_reading:
                         record = record_of(cell.address, **self.options)
                         ends, verdict = record.interval, record.verdict
@@ -294,7 +294,7 @@ class Rerun:
         before, value = (
             _median(results[cell.name]) for results in (unchanged, self.results(above))
         )
-        unit, (low, high) = si_factor(cell.unit), cell.number.interval()
+        unit, (low, high) = cell.si_unit, cell.number.interval()
         # Rounding noise, which differs between processors, is no change.
         tolerance = _NOISE_RATIO * unit * (high - low)
         if math.isclose(value, before, rel_tol=_NOISE_RATIO, abs_tol=tolerance):

@@ -203,9 +203,14 @@ class PrintedCell:
         return self.content if isinstance(self.content, str) else self.content.text
 
     @property
+    def si_unit(self) -> float:
+        """SI value of its unit (1 for pixels)."""
+        return si_factor(self.unit)
+
+    @property
     def si(self) -> float:
         """The number in SI units (pixels stay pixels)."""
-        return self.number.value * si_factor(self.unit)
+        return self.number.value * self.si_unit
 
     @property
     def symbol(self) -> str:

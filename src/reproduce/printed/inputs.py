@@ -14,7 +14,6 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.printed.cells import PrintedCell, find
-from reproduce.printed.number import si_factor
 
 # Root seed of the project. Every computation adds its own name to it (see `declare.seed_of`).
 ROOT_SEED = 20_240_102
@@ -50,12 +49,12 @@ class Inputs:
     def half_unit(self, address: str) -> float:
         """Return half a unit of the last digit of the number at `address`, in SI units."""
         cell = self._cell(address)
-        return cell.number.half_unit * si_factor(cell.unit)
+        return cell.number.half_unit * cell.si_unit
 
     def half_width(self, address: str) -> float:
         """Return half the width of the interval of the number at `address`, in SI units."""
         cell = self._cell(address)
-        return cell.number.half_width * si_factor(cell.unit)
+        return cell.number.half_width * cell.si_unit
 
     def seed(self, *key: int) -> SeedSequence:
         """Return the seed of simulated data, which the numbers of the key identify."""
