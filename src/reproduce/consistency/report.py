@@ -90,10 +90,6 @@ def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
     )
 
 
-# "not supported as printed" if a statement of the paper contradicts the numbers that it refers to.
-_Conclusion = Literal["stands", "moves", "not supported as printed", "open"]
-
-
 class Erratum(BaseModel):
     """One entry of the register.
 
@@ -116,8 +112,11 @@ class Erratum(BaseModel):
     """the contradiction, under the most charitable reading"""
     library: str
     """treatment in this package"""
-    conclusion: _Conclusion
-    """whether the conclusion of the paper is supported"""
+    conclusion: Literal["stands", "moves", "not supported as printed", "open"]
+    (
+        "whether the conclusion of the paper is supported; not supported as printed if a statement "
+        "of the paper contradicts the numbers that it refers to"
+    )
     because: str
     """reason for this"""
     status: Literal["open", "one reading of several", "reported", "confirmed"]

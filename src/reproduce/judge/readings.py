@@ -28,11 +28,11 @@ from reproduce.judge.verdicts import (
     judge_value,
 )
 from reproduce.papers.declare import Computation
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.store import studies
 
-_Array = NDArray[Any]
 _STUDY = "readings"
 # Draws that rounding noise of another processor may move across the end of a printed interval.
 _NOISE_DRAWS = 4
@@ -76,7 +76,7 @@ class Evaluation(NamedTuple):
 
     computation: Computation
     cells: Mapping[str, Sequence[Reading]]
-    joint: _Array
+    joint: FloatArray
 
     def results(self, name: str) -> list[str]:
         """Return the result of a cell under every reading as text, equal for equal results."""
@@ -85,7 +85,7 @@ class Evaluation(NamedTuple):
             for reading in self.cells[name]
         ]
 
-    def _by_option(self, values: Sequence[Any]) -> _Array:
+    def _by_option(self, values: Sequence[Any]) -> NDArray[Any]:
         """Return a value of every reading as an array with an axis for each option."""
         return np.reshape(values, [*map(len, self.computation.options.values())])
 

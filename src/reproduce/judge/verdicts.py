@@ -8,12 +8,11 @@ from collections.abc import Iterable
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.number import PrintedNumber
 
-_FloatArray = NDArray[np.float64]
 Verdict = Literal["input", "exact", "consistent", "differs", "ambiguous", "unpublished"]
 # In the order in which readers see them.
 VERDICTS: tuple[Verdict, ...] = (*get_args(Verdict)[1:], "input")
@@ -159,7 +158,7 @@ def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
     )
 
 
-def judge_prediction(printed: PrintedNumber, draws: _FloatArray) -> Reading:
+def judge_prediction(printed: PrintedNumber, draws: FloatArray) -> Reading:
     """Compare a predicted distribution with a printed random or measured number.
 
     The probability is twice the smaller tail beyond the printed interval, with half of the draws
@@ -243,16 +242,14 @@ def judge_summary(
     )
 
 
-def central_interval(draws: _FloatArray) -> tuple[float, float]:
+def central_interval(draws: FloatArray) -> tuple[float, float]:
     """Return the bounds of the central 99 % of draws, in which a printed number is consistent."""
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
     return low, high
 
 
-def joint_probability(
-    draws: _FloatArray, intervals: _FloatArray
-) -> tuple[float, float]:
+def joint_probability(draws: FloatArray, intervals: FloatArray) -> tuple[float, float]:
     """Return the probability of cells as far from the prediction as the printed ones.
 
     The measure is the squared Mahalanobis distance from the mean, which accounts for correlation.
