@@ -151,14 +151,15 @@ def _agreements(
     """Return the largest set of relations that agree on one value, for each unknown by name."""
     found = {}
     for unknown in dict.fromkeys(r.unknown for r in relations if r.unknown):
-        intervals = {
-            relation.name: _projection(
-                relation, unknown.domain, _ends(relation, cells, rule)
-            )
+        allowed = {
+            relation.name: (low, high)
             for relation in relations
             if relation.unknown == unknown
+            for low, high in [
+                _projection(relation, unknown.domain, _ends(relation, cells, rule))
+            ]
+            if low <= high
         }
-        allowed = {name: one for name, one in intervals.items() if one[0] <= one[1]}
         # One of the largest overlaps starts at each lower end.
         overlaps = [
             {name for name, (low, high) in allowed.items() if low <= start <= high}
