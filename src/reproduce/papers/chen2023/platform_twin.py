@@ -178,7 +178,7 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         xlabel="x (px)",
         ylabel="y (px)",
     )
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
+    legend_below(figure, 2)
 
 
 @cache

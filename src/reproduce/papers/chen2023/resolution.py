@@ -212,10 +212,9 @@ def _setting(
     )
 
 
-def _predicted(setting: _Setting) -> tuple[FloatArray, FloatArray]:
-    """Return bias and variance along x in closed form, each (resolutions, phases)."""
-    bias, variance = centre_of_gravity_error(*setting)
-    return bias[..., 0], variance[..., 0]
+def _predicted(setting: _Setting) -> FloatArray:
+    """Return bias and variance along x in closed form, (2, resolutions, phases)."""
+    return np.stack(centre_of_gravity_error(*setting))[..., 0]
 
 
 def _total(bias: FloatArray, variance: FloatArray) -> FloatArray:
@@ -238,10 +237,9 @@ def _replicated_scatter(
     """
     trials = inputs.count(_TRIALS)
     bias, variance = _predicted(_setting(inputs, *case))
-    deviation = np.sqrt(variance / trials)
     generator, shape = default_rng(seed), (replicates, *bias.shape)
     # Mean and variance of normal errors within a phase are independent.
-    means = bias + deviation * generator.standard_normal(shape)
+    means = generator.normal(bias, np.sqrt(variance / trials), shape)
     inside = variance * generator.chisquare(trials - 1, shape) / trials
     return _total(means, inside)
 

@@ -63,7 +63,7 @@ _APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
 def altitude(inputs: Inputs) -> float:
     """Return the altitude that the panchromatic line of Table I implies, in metres."""
     focal, pixel, resolution = map(inputs.__getitem__, CAMERA)
-    return resolution / float(ground.ground_resolution(focal, pixel, 1.0))
+    return resolution * focal / pixel
 
 
 @reproduces(

@@ -45,7 +45,6 @@ from reproduce.papers.declare import (
 )
 from reproduce.papers.niu2024 import registration, simulation
 from reproduce.papers.niu2024.simulation import (
-    CHANNELS,
     NOISE,
     REGISTERED,
     instrument_of,
@@ -165,12 +164,11 @@ def rmse_before(
     count = inputs.count("niu2024/text-experiment#test-points")
     half = half_field(inputs)
     angles = generator.uniform(-half, half, (replicates, count, 2))
-    unit = generator.standard_normal((replicates, len(CHANNELS), count, 2))
     if scale == "factors":
         true = _registered_points(inputs, angles)
     else:
         true = optics.channel_centroids(instrument(inputs), angles)
-    measured = true + _centroid_errors(inputs) * unit
+    measured = generator.normal(true, _centroid_errors(inputs))
     values = rmse_per_axis(measured[:, 1:], measured[:, :1])
     if rmse == "both":
         values[:] = np.linalg.norm(values, axis=-1, keepdims=True)
@@ -238,7 +236,7 @@ def twin_fits(
     """
     table, cameras = simulation.arrangement(inputs), instrument(inputs)
     true = optics.channel_centroids(cameras, table)
-    noisy = true + error * default_rng(seed).standard_normal((replicates, *true.shape))
+    noisy = default_rng(seed).normal(true, error, (replicates, *true.shape))
     directions = optics.starlight(table[:, 1], table[:, 0])
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     turns = [camera.rotation for camera in cameras]

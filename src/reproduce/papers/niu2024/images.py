@@ -191,8 +191,8 @@ def _combinations(
         [registered_image(window, transform, corner=corner) for window in layer]
         for layer, transform in zip(windows[1:], transforms, strict=True)
     ]
-    sums = windows.sum(axis=0), windows[0] + np.sum(moved, axis=0)
-    images = np.stack([windows[0], *sums])
+    registered = windows[0] + np.sum(moved, axis=0)
+    images = np.stack([windows[0], windows.sum(axis=0), registered])
     return images[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
 
 

@@ -197,8 +197,7 @@ def _measuring(
 
     def measured(angles: FloatArray) -> FloatArray:
         true = channel_centroids(cameras, angles)
-        unit = generator.standard_normal((replicates, *true.shape[-3:]))
-        return true + sigma * unit
+        return generator.normal(true, sigma, (replicates, *true.shape[-3:]))
 
     return measured
 

@@ -243,16 +243,16 @@ def circular_error(covariance: _Plane, share: Size = 0.9) -> FloatArray:
         low >= -1e-9 * high.clip(0.0),
         "no negative variance in any direction",
     )
-    small, large = np.sqrt(np.clip([low, high], 0.0, None))
-    ratio = small / np.where(large > 0, large, 1.0)
+    ratio = (low / np.where(high > 0, high, 1.0)).clip(0.0)
     # The radius for equal semi-axes, the largest one, has a closed form.
     bracket = 0.0, 1.01 * np.sqrt(-2.0 * np.log1p(-share))
     angle = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi
 
     def excess(radius: FloatArray, ratio: FloatArray) -> FloatArray:
         # In each direction of the plane with equal axes, half the squared distance is exponential.
-        square = np.cos(angle) ** 2 + (ratio[..., None] * np.sin(angle)) ** 2
+        square = np.cos(angle) ** 2 + ratio[..., None] * np.sin(angle) ** 2
         inside = -np.expm1(-(radius[..., None] ** 2) / (2.0 * square)).mean(axis=-1)
         return inside - share
 
-    return elementwise.find_root(excess, bracket, args=(ratio,)).x * large
+    radius = elementwise.find_root(excess, bracket, args=(ratio,)).x
+    return radius * np.sqrt(high.clip(0.0))
