@@ -142,9 +142,9 @@ class SimulatedBench:
         return spots, np.stack([errors, self.design.misalignment(spots[1], zero)])
 
 
-# Direction towards Orion, a well-known constellation: right ascension, declination, and rotation
-# about the boresight.
-_POINTING_DEG = (84.6, -0.4, 20.0)
+# Attitude towards Orion, a well-known constellation: right ascension 84.6, declination -0.4, and a
+# rotation about the boresight, in degrees.
+_POINTING = Rotation.from_euler("ZXZ", (84.6 + 90, 90 + 0.4, 20.0), degrees=True)
 _FAINTEST_MAGNITUDE = 6.0
 # Width of the shown part of an image around a spot.
 _SHOWN_PX = 9
@@ -159,10 +159,8 @@ _draws_test = partial(
 @draws("chen2023/fig-1c", inputs=INSTRUMENT, marks=[SPOTS])
 def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw a frame of the tracker: stars of the catalogue and the four laser spots."""
-    alpha, delta, roll = _POINTING_DEG
     _, directions, magnitude = bright_stars()
-    pointing = Rotation.from_euler("ZXZ", (alpha + 90, 90 - delta, roll), degrees=True)
-    rays = pointing.apply(directions, inverse=True)
+    rays = _POINTING.apply(directions, inverse=True)
     seen = (rays[:, 2] > 0.9) & (magnitude <= _FAINTEST_MAGNITUDE)
     spots = received_spots(rays[seen], *as_designed(inputs).tracker)
     sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - magnitude[seen])

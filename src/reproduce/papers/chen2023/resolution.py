@@ -346,8 +346,8 @@ def _draw_curves(
 def _draw_terms(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the terms of the centroid error in the literal reading."""
     *lines, (label, simulated) = terms(inputs).items()
-    axes, few = _draw_curves(figure, inputs, dict(lines)), slice(None, None, 2)
-    angles = _resolutions(inputs)[few] * ARCSEC_PER_RADIAN
-    axes.plot(angles, simulated[few], "ko", ms=3, label=label)
+    axes = _draw_curves(figure, inputs, dict(lines))
+    angles = _resolutions(inputs) * ARCSEC_PER_RADIAN
+    axes.plot(angles, simulated, "ko", ms=3, markevery=2, label=label)
     axes.set(ylabel="centroid error (1σ, px)", ylim=(0.004, 0.1))
     legend_below(figure, 3)
