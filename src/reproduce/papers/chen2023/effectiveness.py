@@ -175,16 +175,14 @@ def monitored_angle(
     Implements: chen2023 (7), (10).
     """
     generator = default_rng(seed)
-    # About Y and X, by the noise of the mean of a state in each coordinate.
-    rotations = unit_rotations(inputs, 2)[1::-1] / np.sqrt(
-        inputs.count(FRAMES_PER_STATE)
-    )
+    # About Y and X, by the noise of one image in each coordinate.
+    rotations = unit_rotations(inputs, 2)[1::-1]
     shape = (replicates, 1 + len(_MOVED_STATES), rotations.shape[1])
     errors = generator.standard_normal(shape) @ rotations.T
     lag, noise = _averaging(inputs, images)
     # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
-    spread = (telescope == "nominal") * generator.uniform(-1, 1, (replicates, 1, 1))
-    spread *= inputs.half_width(TELESCOPE)
+    half = (telescope == "nominal") * inputs.half_width(TELESCOPE)
+    spread = generator.uniform(-half, half, (replicates, 1, 1))
     length = telescope_length(inputs, columns, telescope) + spread
     motions = stage_motions(inputs, columns)
     if columns == "motions":
@@ -198,7 +196,7 @@ def monitored_angle(
 
 
 def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
-    """Return the missing fraction of a step in a mean, and its noise relative to a state's mean.
+    """Return the missing fraction of a step in a mean, and its noise relative to one image.
 
     A smoothed angle is the mean of the last images, which may include images of the state before.
     Their noise is taken as independent of the mean of that state.
@@ -215,7 +213,7 @@ def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
     }[images]
     # Images before the last state.
     lag = weights[:-frames].sum()
-    return lag, np.sqrt(frames * np.square(weights).sum())
+    return lag, np.sqrt(weights @ weights)
 
 
 @reproduces(
