@@ -43,7 +43,7 @@ from reproduce.physics.registration import (
     rmse,
     similarity_between,
 )
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import FloatArray, IntArray
 from reproduce.printed.inputs import Inputs
 from reproduce.store import studies
 from reproduce.store.measured import spectra
@@ -171,20 +171,20 @@ def compare_images(
 
 def _exposures(
     spots: FloatArray, photons: FloatArray, trials: int, generator: Generator
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, IntArray]:
     """Return exposures of one window around green's spot in all detectors, and its first pixel.
 
     In electrons, shape (3, trials, size, size).
     """
     size = _WINDOW_PIXELS + 2 * _MARGIN_PIXELS
-    corner = window_corners(spots[0], size).astype(np.float64)
+    corner = window_corners(spots[0], size)
     clean = spot_windows(spots, photons, RADIUS, corner, size)
     repeated = np.repeat(clean[:, None], trials, axis=1)
     return electrons(expose(repeated, SENSOR, generator), SENSOR), corner
 
 
 def _combinations(
-    windows: FloatArray, corner: FloatArray, transforms: Sequence[Registration]
+    windows: FloatArray, corner: IntArray, transforms: Sequence[Registration]
 ) -> FloatArray:
     """Return the images of `KINDS` in the middle of the windows, (3, trials, window, window)."""
     moved = [
