@@ -136,8 +136,16 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
             low, median, high = central_range(cells)
             values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift
-            ends = low / median, high / median
-            axes.vlines(x, *ends, look[:2], label=f"predicted, {label}")
+            ends = 1 - low / median, high / median - 1
+            axes.errorbar(
+                x,
+                1 + 0 * x,
+                ends,
+                fmt="none",
+                ecolor=look[:2],
+                capsize=4,
+                label=f"predicted, {label}",
+            )
             axes.plot(x, values / median, look, label=f"printed, {label}")
         axes.axhline(1.0, color="k", lw=1)
         # Without the floor the median of single frames is the accuracy of one frame.

@@ -45,7 +45,6 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray, IntArray
 from reproduce.printed.inputs import Inputs
-from reproduce.printed.number import si_factor
 
 NOISE = "niu2024/text-simulation#noise"
 CHANNELS = ("green", "red", "blue")
@@ -351,8 +350,8 @@ def _draw_parameters(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         for look, table in (("C0s", "table-2"), ("C1o", "table-1"))
     }
     for axes, cell in zip(grid, printed.cells.values(), strict=True):
-        number, unit, agreeing = cell.number, si_factor(cell.unit), 0
-        value, half = number.value, number.half_unit
+        value, half, agreeing = cell.number.value, cell.number.half_unit, 0
+        unit = cell.si / value
         for y, (look, results) in enumerate(predicted.items()):
             ends = plot_range(axes, [y], [results[cell.name]], look, unit=unit)
             agreeing += bool(ends[0] - half <= value <= ends[2] + half)
