@@ -167,8 +167,6 @@ class RegistrationResult(UserResult):
             self.fit = fit = fit_registration(pivot=pivot, **arguments)
             self.findings, terms = registration.diagnose_fit(fit, flux)
         self._sensitivities = {term.term: term for term in terms}
-        exact = fit.is_exact and not fit.errors_known
-        self._errors: FloatArray = np.where(exact, np.nan, fit.standard_errors)
         self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
         self.model, self.transform = fit.transform.model, fit.transform
         self.parameters, self.residuals = fit.parameters, fit.residuals
@@ -192,7 +190,7 @@ class RegistrationResult(UserResult):
     @property
     def standard_errors(self) -> FloatArray:
         """Standard errors of the parameters, shape (p,); NaN if unknown."""
-        return np.sqrt(self._errors**2 + np.diagonal(self.systematic))
+        return np.sqrt(np.diagonal(self.covariance))
 
     def interval(self, level: float = _LEVEL, term: str | None = None) -> FloatArray:
         """Return the lowest and highest value of each parameter.
@@ -209,7 +207,8 @@ class RegistrationResult(UserResult):
         ndarray, shape (p, 2)
             Bounds, in the unit of each parameter.
         """
-        centre, wider = self.parameters, self.standard_errors / self._errors
+        centre, errors = self.parameters, self.fit.standard_errors
+        wider = self.standard_errors / errors
         if term is not None:
             if term not in [*self._sensitivities]:
                 known = ", ".join(self._sensitivities)
@@ -217,7 +216,7 @@ class RegistrationResult(UserResult):
                     f"term: expected one of {known}, got {term!r}. Leave it out"
                 )
             one = self._sensitivities[term]
-            centre, wider = centre + one.change * self._errors, wider * one.error
+            centre, wider = centre + one.change * errors, wider * one.error
         ends = self.fit.interval(level) - self.parameters[:, None]
         return centre[:, None] + ends * wider[:, None]
 
@@ -230,7 +229,7 @@ class RegistrationResult(UserResult):
         of weight one, in px, from the residuals, and its 95 % interval is ``low`` to ``high``.
         """
         freedom = float(self.fit.degrees_of_freedom)
-        if np.isnan(self._errors).any() or not freedom:
+        if np.isnan(self.fit.standard_errors).any() or not freedom:
             return {}
         ratio = float(self.fit.chi_square) / freedom
         low, high = self.fit.chi_square_range

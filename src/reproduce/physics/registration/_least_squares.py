@@ -60,6 +60,12 @@ class Problem:
             source_covariance=self.source_covariance[..., rows, :, :],
         )
 
+    @property
+    def reach(self) -> float:
+        """Largest coordinate of the points and the pivot, in px."""
+        images = self.source, self.target, self.pivot
+        return float(max(np.abs(points).max() for points in images))
+
     def closed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the similarity of the points, as in `closed_similarity`."""
         return closed_similarity(self.source, self.target, self.pivot, self.counts)
@@ -85,8 +91,6 @@ class Problem:
         transform = self.transform(parameters)
         residuals = self.target - transform.apply(points)
         carry = transform.derivative(points)
-        if not self.errors_known:  # the points are those of the source
-            return residuals, self.target_covariance, carry
         moved = (carry @ (self.source - points)[..., None])[..., 0]
         total = self.target_covariance + carry @ self.source_covariance @ carry.mT
         return residuals - moved, np.asarray(np.linalg.inv(total), np.float64), carry
@@ -186,7 +190,7 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
     least squares, and s = x + Cx A^T (Cy + A Cx A^T)^-1 e.
     """
     parameters, points = _starting_point(problem), problem.source
-    limit = _LAST_MOVEMENT * (1 + np.abs(problem.target).max())
+    limit = _LAST_MOVEMENT * (1 + problem.reach)
     flat = (*problem.source.shape[:-2], -1)
     for _ in range(_MAX_STEPS):
         residuals, information, carry = problem.linearized(parameters, points)
@@ -203,11 +207,8 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
         before, parameters = points, parameters + step
         shift = problem.source_covariance @ carry.mT @ pulled
         points = problem.source + shift[..., 0]
-        movements = (moved[..., 0], points - before)
-        if (
-            max(np.square(movement).mean(axis=(-2, -1)).max() for movement in movements)
-            < limit**2
-        ):
+        movements = np.square([moved[..., 0], points - before]).mean(axis=(-2, -1))
+        if movements.max() < limit**2:
             break
     else:
         raise validate.DegenerateGeometryError(

@@ -126,51 +126,35 @@ class RegistrationFit:
     @cached_property
     def is_exact(self) -> bool:
         """Whether the residuals of the stars of weight above zero are rounding errors."""
-        images = self.problem.source, self.problem.target, self.problem.pivot
-        reach = max(np.abs(points).max() for points in images)
         largest = (self.squares * (self.weights > 0)).max()
-        return bool(largest < (_EXACT_FRACTION * reach) ** 2)
-
-    @property
-    def _variance(self) -> FloatArray:
-        """Variance of a coordinate of weight one, shape (...); NaN if unknown."""
-        if self.errors_known:
-            return np.ones_like(self.chi_square)
-        freedom = self.degrees_of_freedom
-        return self.chi_square / np.where(freedom > 0, freedom, np.nan)
+        return bool(largest < (_EXACT_FRACTION * self.problem.reach) ** 2)
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance of the parameters, shape (..., p, p).
 
         From the covariances of the points if they were given, otherwise from the scatter of the
-        residuals of the points of weight above zero.
-
-        Raises
-        ------
-        DegenerateGeometryError
-            If the scatter is needed and no degree of freedom is left to estimate it.
+        residuals of the points of weight above zero. It is NaN if no degree of freedom is left to
+        estimate the scatter, or if the points fit exactly.
         """
-        if np.isnan(self._variance).any():
-            raise validate.DegenerateGeometryError(
-                f"covariance: expected more coordinates than the {len(self.names)} parameters, "
-                "got no more. Add points, or pass their covariances"
-            )
-        return self._variance[..., None, None] * self.cofactor
+        variance, freedom = np.ones_like(self.chi_square), self.degrees_of_freedom
+        if not self.errors_known:
+            is_known = (freedom > 0) & (not self.is_exact)
+            variance = self.chi_square / np.where(is_known, freedom, np.nan)
+        return variance[..., None, None] * self.cofactor
 
     @property
     def standard_errors(self) -> FloatArray:
         """Standard errors of the parameters, shape (..., p); NaN if unknown."""
-        variances = np.diagonal(self.cofactor, axis1=-2, axis2=-1)
-        return np.sqrt(self._variance[..., None] * variances)
+        return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
 
     @validate.checked
     def interval(self, level: Size = 0.95) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (..., p, 2).
 
         The interval follows Student's t-distribution, because the scatter of few points is an
-        estimate, or the normal distribution if covariances were given. It is NaN if no degree of
-        freedom is left.
+        estimate, or the normal distribution if covariances were given. It is NaN if the
+        `covariance` is.
 
         Parameters
         ----------
@@ -180,9 +164,8 @@ class RegistrationFit:
         validate.valid("level", level, 0 < level < 1, "a probability between 0 and 1")
         from scipy.special import stdtrit  # this import takes longer than a fit
 
-        freedom = np.maximum(self.degrees_of_freedom, 1)
-        freedom = np.where(self.errors_known, np.inf, freedom)[..., None]
-        half = stdtrit(freedom, 0.5 * (1 + level)) * self.standard_errors
+        freedom = np.where(self.errors_known, np.inf, self.degrees_of_freedom)
+        half = stdtrit(freedom[..., None], 0.5 * (1 + level)) * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
 
     @validate.checked
@@ -317,9 +300,8 @@ def _whitened(
     problem: Problem, parameters: FloatArray, points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return factors, (..., n, 2, 2), and the residuals that they scale to variance one."""
-    residuals, factor, _ = problem.linearized(parameters, points)
-    if problem.errors_known:
-        factor = np.asarray(np.linalg.cholesky(factor).mT, dtype=np.float64)
+    residuals, information, _ = problem.linearized(parameters, points)
+    factor = np.linalg.cholesky(information).mT
     factor = np.sqrt(problem.counts)[..., None, None] * factor
     return factor, (factor @ residuals[..., None])[..., 0]
 
@@ -373,8 +355,7 @@ def _fitting(problem: Problem, used: BoolArray) -> BoolArray:
     freedom = fit.degrees_of_freedom[..., None] - 2 * used
     total = (used * np.vecdot(residuals, residuals)).sum(axis=-1, keepdims=True)
     # Residuals of exact matches are rounding errors.
-    reach = np.abs(problem.source).max() + np.abs(problem.target).max()
-    rounding = _ROUNDING * (1 + reach) * np.abs(factor).max(axis=(-2, -1))
+    rounding = _ROUNDING * (1 + problem.reach) * np.abs(factor).max(axis=(-2, -1))
     smallest = np.maximum(freedom, 1) * (rounding**2 + np.finfo(float).tiny)
     ratio = square / np.maximum(total - used * square, smallest)
     count = np.count_nonzero(problem.counts, axis=-1, keepdims=True)

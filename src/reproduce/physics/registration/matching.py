@@ -336,14 +336,12 @@ def pair_weights(
     variance = np.maximum(np.trace(spread, axis1=1, axis2=2) / 2, _EXACT_VARIANCE)
     extra = 0.0
     for _ in range(_SCATTER_STEPS):
-        weights = 1 / (variance + extra)
-        fit = fit_registration(
-            source, target, pivot, weights / weights.max(), **settings
-        )
-        used, freedom = weights * (fit.weights > 0), fit.degrees_of_freedom
-        surplus = used @ fit.squares - freedom
+        total = variance + extra
+        fit = fit_registration(source, target, pivot, total.min() / total, **settings)
+        freedom = fit.degrees_of_freedom
+        surplus = fit.chi_square - freedom * total.min()
         # Variance that removes the surplus for constant weights.
-        mean = used.sum() / np.count_nonzero(used)
+        mean = fit.weights.sum() / np.count_nonzero(fit.weights)
         extra = max(0.0, extra + surplus / (max(freedom, 1.0) * mean))
-    weights = 1 / (variance + extra)
-    return weights / weights.max(), float(np.sqrt(extra))
+    total = variance + extra
+    return total.min() / total, float(np.sqrt(extra))

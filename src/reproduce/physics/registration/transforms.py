@@ -260,8 +260,7 @@ class Registration:
                 "model: expected a transform that keeps lines straight, got one with a radial "
                 "term. Apply it to points instead"
             )
-        carried = (self.matrix @ self.pivot[..., None])[..., 0]
-        return self.matrix, self.pivot - self.shift - carried
+        return self.matrix, self.apply(np.zeros((1, 2)))[..., 0, :]
 
     def inverse(self) -> Registration:
         """Return the transform from target to source, about the same pivot.
