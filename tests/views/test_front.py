@@ -407,11 +407,13 @@ def test_all_types_of_stars_and_the_command_give_the_same_fit(tmp_path):
 
 def test_intervals_that_allow_a_term_are_those_of_its_model():
     """To the accuracy of one step and of the quantiles."""
-    fit = rp.register(star_table(truth=SHIFT), pivot=(500, 500))
+    stars = star_table(truth=SHIFT)
+    fit = rp.register(stars, pivot=(500, 500))
     rich = fit.rerun(model="similarity+radial").interval()[:4]
     error = fit.standard_errors[:, None]
     assert_allclose((fit.interval(term="radial") - rich) / error, 0, atol=0.02)
     assert "if a radial term is possible" in words(repr(fit))
-    for term in ("shear", ["radial"]):
-        with pytest.raises(ValueError, match=r"^term: .*radial, tilt, affine"):
-            fit.interval(term=term)
+    halved = rp.register(stars.assign(flux=range(len(stars))))
+    for term in ("shear", ["radial"], "bright - faint"):
+        with pytest.raises(ValueError, match=r"^term: .*radial, tilt, affine, got"):
+            halved.interval(term=term)

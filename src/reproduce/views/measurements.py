@@ -200,7 +200,8 @@ class RegistrationResult(UserResult):
         level : float
             Probability of the interval.
         term : str, optional
-            Term of `sensitivity` that may be present, such as "radial". Default: no other term.
+            Term of `sensitivity` that may be present, such as "radial", but not ``bright - faint``.
+            Default: no other term.
 
         Returns
         -------
@@ -210,10 +211,11 @@ class RegistrationResult(UserResult):
         centre, errors = self.parameters, self.fit.standard_errors
         wider = self.standard_errors / errors
         if term is not None:
-            if term not in [*self._sensitivities]:
-                known = ", ".join(self._sensitivities)
+            # The difference of two halves is no term of a model.
+            known = [name for name in self._sensitivities if name != "bright - faint"]
+            if term not in known:
                 raise ValueError(
-                    f"term: expected one of {known}, got {term!r}. Leave it out"
+                    f"term: expected one of {', '.join(known)}, got {term!r}. Leave it out"
                 )
             one = self._sensitivities[term]
             centre, wider = centre + one.change * errors, wider * one.error
@@ -255,8 +257,7 @@ class RegistrationResult(UserResult):
             for name, term in self._sensitivities.items()
         }
         index = pd.Index([*self.fit.names, "p-value"], name="parameter")
-        names = {"brightness": "bright - faint"}
-        return pd.DataFrame(columns, index).rename(columns=names)
+        return pd.DataFrame(columns, index)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the parameters, their consistency and sensitivity, and the warnings."""

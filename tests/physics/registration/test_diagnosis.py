@@ -128,7 +128,8 @@ def test_p_values_of_right_fields_are_uniform(known):
         flux = np.arange(12)
         terms = diagnosis.sensitivities(fit, flux)
         found.append([one.p_value for one in terms])
-    assert [one.term for one in terms] == ["radial", "tilt", "affine", "brightness"]
+    names = ["radial", "tilt", "affine", "bright - faint"]
+    assert [one.term for one in terms] == names
     assert kstest(np.array(found), "uniform", axis=0).pvalue.min() > 1e-3
 
 

@@ -77,10 +77,10 @@ class Sensitivity:
     ----------
     term : str
         ``radial``, ``tilt`` (of a detector), ``affine`` (axes that differ in scale or are not
-        perpendicular), ``scale``, ``rotation``, or ``brightness`` (bright minus faint half).
+        perpendicular), ``scale``, ``rotation``, or ``bright - faint`` (both halves of the stars).
     change : ndarray, shape (p,)
-        Change of each parameter, in its standard error. For ``brightness``, the difference of the
-        halves in the standard error of that difference.
+        Change of each parameter, in its standard error. For ``bright - faint``, the difference of
+        the halves in the standard error of that difference.
     error : ndarray, shape (p,)
         Standard error of each parameter if the term is unknown, in its standard error.
     p_value : float
@@ -133,7 +133,7 @@ def sensitivities(
     if brightness is not None:
         flux = np.asarray(brightness, dtype=np.float64)[used]
         half = np.where(flux > np.median(flux), 0.5, -0.5)
-        terms["brightness"] = half[:, None, None] * jacobian
+        terms["bright - faint"] = half[:, None, None] * jacobian
     factor, residuals = _whitened(problem, fit.parameters, problem.source)
     rows, residuals = factor @ jacobian, residuals.ravel()
 
@@ -159,7 +159,7 @@ def sensitivities(
                 # The F test does not depend on the scale of the errors.
                 gain = max(squares - left, 0.0) / number / noise**2
                 change = (moved[:count] - step) / fit.standard_errors
-                if term == "brightness":
+                if term == "bright - faint":
                     change = moved[count:] / rich[count:] / noise
                 error = rich[:count] / plain
                 if not fit.errors_known:
@@ -430,13 +430,13 @@ def _term_finding(
 ) -> tuple[list[Finding], str | None]:
     """Return the warning of a significant term with the model that has it, or a note on a term."""
     term = min(terms, key=lambda term: term.p_value)
-    kind = "brightness" if term.term == "brightness" else "model"
+    kind = "brightness" if term.term == "bright - faint" else "model"
     if term.p_value >= FALSE_ALARM / len(terms):
         term, kind = max(terms, key=lambda term: np.abs(term.change).max()), "sensitive"
     worst = np.abs(term.change).argmax()
     largest = term.change[worst]
     if kind == "sensitive" and (
-        abs(largest) <= _MAX_CHANGE or term.term == "brightness"
+        abs(largest) <= _MAX_CHANGE or term.term == "bright - faint"
     ):
         return [], None
     change = f"{fit.names[worst]} by {largest:z.2g} standard deviations"
