@@ -19,6 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+# Spots of all images at the zero point and at the present, shape (frames, n, 2) each.
+Images = tuple[FloatArray, FloatArray]
 _Shape = tuple[int | str | None, ...]
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from reproduce.physics.validate import FloatArray, number_array
+from reproduce.physics.validate import FloatArray, Images, number_array
 from reproduce.store.points import (
     _LARGEST_NUMBER,
     DataTable,
@@ -25,8 +25,6 @@ from reproduce.store.points import (
 SPOTS = ("group", "laser", "x", "y")
 # Columns that number the images.
 IMAGES = ("frame", "time")
-
-Images = tuple[FloatArray, FloatArray]
 
 
 def read_images(

@@ -26,6 +26,7 @@ from reproduce.physics.validate import (
     DegenerateGeometryError,
     Finding,
     FloatArray,
+    Images,
     IntArray,
 )
 
@@ -106,7 +107,7 @@ class Diagnosis:
     """
 
     platform: Platform
-    images: tuple[FloatArray, FloatArray]
+    images: Images
     findings: list[Finding]
     agreement: dict[str, float]
     widening: float
@@ -114,7 +115,7 @@ class Diagnosis:
 
 
 def diagnose_spots(
-    platform: Platform, images: tuple[FloatArray, FloatArray], drifts: bool = False
+    platform: Platform, images: Images, drifts: bool = False
 ) -> Diagnosis:
     """Return the faults of the spots of both groups, without the lights that a group lacks.
 
@@ -221,9 +222,7 @@ def diagnose_spots(
     return Diagnosis(platform, images, findings, agreement, factor, limit)
 
 
-def _single_images(
-    images: tuple[FloatArray, FloatArray], lights: IntArray
-) -> Iterator[Finding]:
+def _single_images(images: Images, lights: IntArray) -> Iterator[Finding]:
     """Yield the faults of single images: repeated ones, and a spot far from its place."""
     for when, spots in zip(("zero point", "present"), images, strict=True):
         # The place of a spot is relative to the other spots of its image.

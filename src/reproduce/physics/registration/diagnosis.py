@@ -94,7 +94,7 @@ class Sensitivity:
 
 
 def sensitivities(
-    fit: RegistrationFit, brightness: ArrayLike | None = None
+    fit: RegistrationFit, brightness: FloatArray | None = None
 ) -> list[Sensitivity]:
     """Return the change of each parameter under richer models.
 
@@ -106,7 +106,7 @@ def sensitivities(
     ----------
     fit : RegistrationFit
         Fit of one set of stars. Stars of zero weight are ignored.
-    brightness : array_like, shape (n,), optional
+    brightness : ndarray, shape (n,), optional
         Flux, or another number that increases with it.
 
     Returns
@@ -131,7 +131,7 @@ def sensitivities(
     jacobian = fit.transform.jacobian(problem.source)
     terms = _terms(fit, problem.source)
     if brightness is not None:
-        flux = np.asarray(brightness, dtype=np.float64)[used]
+        flux = brightness[used]
         half = np.where(flux > np.median(flux), 0.5, -0.5)
         terms["bright - faint"] = half[:, None, None] * jacobian
     factor, residuals = _whitened(problem, fit.parameters, problem.source)
@@ -228,7 +228,7 @@ def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
 
 
 def diagnose_fit(
-    fit: RegistrationFit, brightness: ArrayLike | None = None
+    fit: RegistrationFit, brightness: FloatArray | None = None
 ) -> tuple[list[Finding], list[Sensitivity]]:
     """Return the warnings of a registration, and its sensitivities.
 
@@ -242,7 +242,7 @@ def diagnose_fit(
     ----------
     fit : RegistrationFit
         Fit of one set of stars.
-    brightness : array_like, shape (n,), optional
+    brightness : ndarray, shape (n,), optional
         As in `sensitivities`.
 
     Returns
