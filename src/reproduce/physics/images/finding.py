@@ -293,7 +293,7 @@ class _SpotFit:
         spots = fitted_spots(gain * pixels, corners, radius, gain * noise)
         self.centre, self.covariance = spots.centre, spots.covariance
         self.flux, self.left = spots.light / gain, spots.residuals / gain
-        self.pixels, self.model = pixels, np.maximum(pixels - self.left, 0.0)
+        self.pixels, self.model = pixels, pixels - self.left
         self.dark = np.square(noise, dtype=np.float64)[:, None, None]
         self.variance = self.dark + self.model / gain
         self.radius = radius
@@ -308,8 +308,6 @@ class _SpotFit:
     def without_common_shape(self) -> tuple[FloatArray, int]:
         """Return residuals without the part that all spots share, and its number of terms."""
         seen, sigma = np.isfinite(self.left), np.sqrt(self.variance)
-        if not seen.any():
-            return self.left, 0
         flux = self.flux[:, None, None] / sigma
         powers = polyvander2d(self.x[seen], self.y[seen], _DEGREES)
         basis = np.hstack(

@@ -178,8 +178,8 @@ def _gradient(
 # Steps of a fit, at most: between two spots it takes hundreds. Later steps have half the length,
 # because full steps may alternate between two places.
 _MAX_STEPS, _FULL_STEPS = 1000, 50
-# Longest step, in px and as a fraction of the flux; and step at which a fit has converged, in px.
-_LONGEST_STEP, _CONVERGED_PX = 0.5, 1e-8
+# Longest step, and step at which a fit has converged, in px and as fractions of the flux.
+_LONGEST_STEP, _CONVERGED = 0.5, 1e-8
 # Largest distance of a centre from the outer edge of the window, in px.
 _OUTSIDE_PX = 1.0
 # Least variance of a pixel, in electrons squared: the weight of a dark pixel is finite.
@@ -282,20 +282,18 @@ def _optimum(
 ) -> tuple[FloatArray, FloatArray]:
     """Return x, y and flux, (n, 3), and the information matrix of each spot.
 
-    The steps of Fisher scoring begin at the brightest pixel, with the flux that fits best there.
+    The steps of Fisher scoring begin at the brightest pixel, with about the flux of a spot there.
     The flux remains above zero, because a step changes it by half at most.
     """
     count, height, width = light.shape
     seen = np.isfinite(light)
     bright = np.where(seen, light, -np.inf).reshape(count, -1).argmax(axis=1)
     light = np.where(seen, light, 0.0)
-    state = np.stack([bright % width, bright // width, np.ones(count)], axis=-1)
-    shape = seen * _gradient(state, radius, width, height)[:, 2]
-    squares = np.maximum((shape**2).sum(axis=(1, 2)), _MIN_VARIANCE)
-    state[:, 2] = (light * shape).sum(axis=(1, 2)) / squares
+    flux = light.max(axis=(1, 2)) * (1 + 2 * np.pi * radius**2)
+    state = np.stack([bright % width, bright // width, flux], axis=-1)
     information = np.full((count, 3, 3), np.nan)
     half, unit = np.array([width, height]) / 2, np.eye(3)
-    rows = np.flatnonzero(state[:, 2] > 0)
+    rows = np.flatnonzero(flux > 0)
     for number in range(_MAX_STEPS):
         if not len(rows):
             break
@@ -306,7 +304,7 @@ def _optimum(
         matrix = np.einsum("nkyx,nlyx,nyx->nkl", slopes, slopes, weights)
         firm = matrix * (1 + _RIDGE * unit) + np.finfo(float).tiny * unit
         step = np.linalg.solve(firm, score[..., None])[..., 0]
-        found = (np.abs(step[:, :2]) < _CONVERGED_PX).all(axis=1)
+        found = (np.abs(step) < _CONVERGED).all(axis=1)
         information[rows[found]] = firm[found]
         step = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
         step[:, 2] *= state[rows, 2]
