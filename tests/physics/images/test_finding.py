@@ -170,7 +170,7 @@ def test_implausible_gains_are_reported():
 
 
 def pair(seed, kernel=((0.0, 1.0),), radius=1.2):
-    """Return the spots of two images, the second smeared along x, and its displacement."""
+    """Return the shapes of two images, the second smeared along x, and its displacement."""
     rng = default_rng([5, seed])
     places, light = stars(seed)
     first = plain(places, light)
@@ -182,11 +182,11 @@ def pair(seed, kernel=((0.0, 1.0),), radius=1.2):
     centres = [spots.centre[spots.reasons == ""] for spots in both]
     apart, which = KDTree(centres[1]).query(centres[0])
     moved = np.median((centres[1][which] - centres[0])[apart < 3], axis=0)
-    return both[0].shapes, both[1].shapes, moved
+    return (both[0].shapes, both[1].shapes, np.eye(2)), moved
 
 
 def test_equal_shapes_give_no_warning():
-    assert not any(shape_finding(*pair(seed)[:2])[0] for seed in range(10))
+    assert not any(shape_finding(*pair(seed)[0])[0] for seed in range(10))
 
 
 @pytest.mark.parametrize(
@@ -195,8 +195,8 @@ def test_equal_shapes_give_no_warning():
 )
 def test_trailed_and_defocused_images_are_reported(kernel, radius, high):
     """The stated error covers the displacement of the centres, and is not much larger."""
-    source, target, moved = pair(0, kernel, radius)
-    (finding,), covariance = shape_finding(source, target)
+    shapes, moved = pair(0, kernel, radius)
+    (finding,), covariance = shape_finding(*shapes)
     assert finding.kind == "shape"
     error = np.sqrt(np.diag(covariance))
     assert (np.abs(moved) < 2 * error + 0.02).all()
@@ -204,15 +204,15 @@ def test_trailed_and_defocused_images_are_reported(kernel, radius, high):
 
 
 def test_shapes_rotate_with_the_image():
-    source, target, _ = pair(0, TRAIL)
+    (source, target, unit), _ = pair(0, TRAIL)
     quarter = np.array([[0.0, -1], [1, 0]])
     rotated = quarter @ target @ quarter.T
-    assert shape_finding(target, rotated)[0]
+    assert shape_finding(target, rotated, unit)[0]
     assert not shape_finding(target, rotated, quarter)[0]
-    assert shape_finding(4 * source, source)[0]
-    assert not shape_finding(4 * source, source, np.eye(2) / 2)[0]
-    along = shape_finding(source, target)[1]
-    across = shape_finding(source, rotated)[1]
+    assert shape_finding(4 * source, source, unit)[0]
+    assert not shape_finding(4 * source, source, unit / 2)[0]
+    along = shape_finding(source, target, unit)[1]
+    across = shape_finding(source, rotated, unit)[1]
     assert_allclose(across, quarter @ along @ quarter.T, atol=0.1)
 
 

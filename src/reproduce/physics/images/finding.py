@@ -401,7 +401,7 @@ def _best_gain(fitted: partial[_SpotFit], radius: float) -> float:
 
 
 def shape_finding(
-    source: FloatArray, target: FloatArray, matrix: ArrayLike = ((1, 0), (0, 1))
+    source: FloatArray, target: FloatArray, matrix: FloatArray
 ) -> tuple[list[Finding], FloatArray]:
     """Compare the shapes of the spots of two images.
 
@@ -413,7 +413,7 @@ def shape_finding(
     ----------
     source, target : ndarray, shape (n, 2, 2), (m, 2, 2)
         `Detections.shapes` of both images, for example of the paired stars.
-    matrix : array_like, shape (2, 2)
+    matrix : ndarray, shape (2, 2)
         Linear part of the transform from source to target.
 
     Returns
@@ -427,20 +427,20 @@ def shape_finding(
     Examples
     --------
     >>> same = np.eye(2) + np.random.default_rng(1).normal(0, 0.01, (20, 2, 2))
-    >>> shape_finding(same, same)[0]
+    >>> shape_finding(same, same, np.eye(2))[0]
     []
-    >>> (finding,), error = shape_finding(same, same + [[3, 0], [0, 0]])
+    >>> (finding,), error = shape_finding(same, same + [[3, 0], [0, 0]], np.eye(2))
     >>> finding.kind, error.round(2) + 0.0
     ('shape', array([[3., 0.],
            [0., 0.]]))
     """
     from scipy.stats import ttest_ind
 
-    linear, error = np.asarray(matrix, dtype=np.float64), np.zeros((2, 2))
+    error = np.zeros((2, 2))
     first, second = (m[np.isfinite(m).all(axis=(1, 2))] for m in (source, target))
     if min(len(first), len(second)) < _MIN_STARS_COMPARED:
         return [], error
-    parts = [_AXES @ m.reshape(-1, 4).T for m in (linear @ first @ linear.T, second)]
+    parts = [_AXES @ m.reshape(-1, 4).T for m in (matrix @ first @ matrix.T, second)]
     before, after = (np.median(part, axis=1) for part in parts)
     change, size = after - before, (before + after)[0] / 2
     test = ttest_ind(*parts, axis=1, equal_var=False, trim=_TRIMMED)
