@@ -1,6 +1,7 @@
 """The ledger: complete, frozen, documented, and equal for any way of building it."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -13,6 +14,7 @@ from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import find, library
 from reproduce.printed.inputs import load_inputs
+from reproduce.views.blocks import LOOKS
 from reproduce.views.verdicts import _joint_chance
 
 WEAK = {"rounding", "copy", "difference", "tolerance", "wide"}
@@ -120,6 +122,16 @@ def test_strong_agreement_is_within_the_digits(whole):
         assert number.is_bound or off <= number.half_unit * (1 + 1e-9), record.cell
         if number.qualifier in QUALIFIED:
             assert number.half_width <= abs(number.value) / 10, record.cell
+
+
+def test_a_reason_states_that_a_value_rounds_only_if_it_does(whole):
+    reason = "rounds to the printed digits"
+    for record in (r for r in whole.records if r.why.endswith(reason)):
+        digits = replace(find(record.cell)[0].number, qualifier="")
+        assert digits.overlaps(record.computed, record.computed), record.cell
+    assert not any("99%" in record.why for record in whole.records)
+    # The meaning of the verdict applies to weak agreement too.
+    assert reason not in LOOKS["exact"]["meaning"]
 
 
 def test_rounding_is_never_the_word_for_a_wider_tolerance(whole):

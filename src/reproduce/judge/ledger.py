@@ -266,7 +266,8 @@ def _why(cell: PrintedCell, reading: Reading) -> str:
     if p is not None:
         side = "inside" if agrees else "outside"
         chance = f"probability {p:.2g}" if p else "beyond every replicate"
-        return f"{side} the central {CENTRAL:.0%} of the prediction, {low} to {high} ({chance})"
+        part = f"{side} the central {100 * CENTRAL:g} % of the prediction"
+        return f"{part}, {low} to {high} ({chance})"
     if "bound" in reading.flags:
         return f"{value} {'keeps' if agrees else 'breaks'} the bound"
     allowed = f"rounded inputs allow {low} to {high}"
@@ -274,6 +275,8 @@ def _why(cell: PrintedCell, reading: Reading) -> str:
         return f"{value}; {allowed}, which excludes the printed number"
     if (reading.share or 0) > 1 or "rounding" in reading.flags:
         return f"{value} does not round to the printed digits; {allowed}"
+    if cell.number.qualifier and "tolerance" in reading.flags:
+        return f"{value} is within the tolerance of the word {cell.number.qualifier}"
     return f"{value} rounds to the printed digits"
 
 
