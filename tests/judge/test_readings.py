@@ -15,6 +15,7 @@ from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import PrintedNumber
+from reproduce.views.verdicts import deciding
 
 TABLE, CELL = "niu2024/table-2", "scale.red"  # prints 0.9976
 OPTIONS = {
@@ -104,6 +105,8 @@ def test_the_smallest_set_of_options_that_decides_is_named():
     assert summary.decided_by == ("b",)
     assert summary.agrees_if == ({"b": "y"},)
     assert summary.never == {"b": ("x", "z")}
+    # A comma joins the choices of one reading.
+    assert deciding(summary).endswith("Never with b=x; or b=z")
 
 
 def test_readings_with_equal_verdicts_leave_the_verdict():

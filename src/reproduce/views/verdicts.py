@@ -207,7 +207,7 @@ def deciding(summary: ReadingSummary) -> str:
     always = "; or ".join(map(choices_text, summary.agrees_if))
     text = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
     never = [f"{n}={one}" for n, listed in summary.never.items() for one in listed]
-    return f"{text}. Never with {', '.join(never)}" if never else text
+    return f"{text}. Never with {'; or '.join(never)}" if never else text
 
 
 def tally(records: Collection[Record]) -> dict[str, int]:
