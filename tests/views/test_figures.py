@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib import style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import Collection
 from matplotlib.colors import to_rgba
@@ -183,6 +184,12 @@ def test_figures_on_a_page_have_alternative_text_and_unique_ids():
         ids = re.findall(r'\bid="([^"]+)"', html)
         assert len(seen | set(ids)) == len(seen) + len(ids)
         seen |= set(ids)
+
+
+def test_a_style_of_the_user_changes_no_figure():
+    first = rp.figure("chen2023/fig-1d")._repr_html_()
+    with style.context("dark_background"):
+        assert rp.figure("chen2023/fig-1d")._repr_html_() == first
 
 
 POWERS = {

@@ -63,7 +63,11 @@ def _styled_figure(paint: _Paint, *, narrow: bool) -> MatplotlibFigure:
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    with _LOCK, style.context([_STYLE, _SMALL] if narrow else _STYLE):
+    # The style of the user, such as that of a notebook, must not change a figure.
+    with (
+        _LOCK,
+        style.context([_STYLE, _SMALL] if narrow else _STYLE, after_reset=True),
+    ):
         figure = MatplotlibFigure(
             figsize=(NARROW, 3.2) if narrow else None, layout="constrained"
         )
@@ -106,7 +110,7 @@ def _content(figure: _Drawn, form: str, note: str = "") -> bytes:
         return (_XML + figure.replace("<title>", title, 1)).encode()
     subject, *dates = _METADATA[form]
     buffer = io.BytesIO()
-    with _LOCK, style.context(_STYLE):
+    with _LOCK, style.context(_STYLE, after_reset=True):
         metadata = {subject: note, **dict.fromkeys(dates)}
         figure.savefig(buffer, format=form, metadata=metadata)
     if form != "svg":
