@@ -153,6 +153,7 @@ def test_arguments_and_models_that_do_not_fit_are_rejected():
         ("registration", {"source_covariance": TILTED}),
         ("registration", {"priors": {"scale": (3.0, 4.0)}}),
         ("registration", {"priors": {"scale": Normal(1.0, 0.1, "a test")}}),
+        ("registration", {"priors": {"noise": (0.001, 10.0)}}),
     ):
         with pytest.raises(ValueError, match="exact: "):
             rp.posterior(name, FRAME, **settings).exact(100)

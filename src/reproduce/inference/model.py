@@ -397,18 +397,21 @@ class Model:
     def exact(self, count: int, generator: Generator) -> FloatArray:
         """Return independent draws in closed form, without a sampler, shape (count, d).
 
-        The priors must be uniform. A `ValueError` is raised if the model has no closed form, or if
-        the priors exclude most of the posterior.
+        The priors must be uniform, and that of the noise log-uniform. A `ValueError` is raised for
+        others, if the model has no closed form, or if the priors exclude most of the posterior.
         """
         drawn = _DRAWS_PER_EXACT * whole_number("draws", count)
         rows = self.likelihood.exact(drawn, generator)[:, : self.dimension]
-        # The prior of the noise is that of the closed form within its bounds.
+        # The priors are those of the closed form within their bounds.
         rows = rows[np.isfinite(self.log_prior(rows))]
-        normal = any(isinstance(one.prior, Normal) for one in self.parameters)
-        if normal or len(rows) < count:
+        others = any(
+            type(one.prior) is not (LogUniform if one.name == "noise" else Uniform)
+            for one in self.parameters
+        )
+        if others or len(rows) < count:
             raise ValueError(
-                "exact: expected uniform priors that contain most of the posterior, got other "
-                "priors. Use the draws of emcee"
+                "exact: expected priors that contain most of the posterior, uniform or, of the "
+                "noise, log-uniform, got other priors. Use the draws of emcee"
             )
         return rows[:count]
 

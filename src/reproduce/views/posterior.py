@@ -317,7 +317,8 @@ class Posterior(ResultView):
         Raises
         ------
         ValueError
-            If the model has no closed form.
+            If the model has no closed form, or none for its priors: log-uniform for the noise,
+            uniform for others.
         """
         return self._in_units(self.model.exact(draws, default_rng(seed)))
 
