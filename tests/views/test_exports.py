@@ -186,6 +186,8 @@ def test_the_sentence_of_a_cell_has_place_numbers_and_verdict():
         sentence = rp.cite(address, "sentence")
         assert all(part in sentence for part in parts), sentence
         assert "(The reproduce-pointing developers, 2026;" in sentence
+    # The numbers of the table are three standard deviations, also in the table of one cell.
+    assert "1.16″ (3σ)" in str(rp.table("chen2023/table-4#1.transform-x"))
 
 
 @pytest.mark.parametrize("commit", ["", "0123456789abcdef0123456789abcdef01234567"])
