@@ -1,5 +1,6 @@
 """Tables of a user: the sources that are read, and errors that name the row and column."""
 
+import gzip
 import io
 
 import numpy as np
@@ -108,12 +109,14 @@ def test_astropy_tables_and_their_files_are_read_in_px_only(tmp_path, name, form
     table["X"].unit = units.pix
     table["RA"] = STARS["x"].to_numpy()
     table["RA"].unit = units.deg
-    table.write(tmp_path / name, format=form)
-    for source in (tmp_path / name, table, table.as_array(), QTable(table)):
+    path, packed = tmp_path / name, tmp_path / f"{name}.gz"
+    table.write(path, format=form)
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    for source in (path, packed, table, table.as_array(), QTable(table)):
         assert_array_equal(read_table(source, STARS.columns).values, STARS)
     table["Y"].unit = units.arcsec
-    table.write(tmp_path / name, format=form, overwrite=True)
-    for source in (tmp_path / name, table):
+    table.write(path, format=form, overwrite=True)
+    for source in (path, table):
         refused(source, "column Y", "arcsec")
 
 

@@ -1,11 +1,13 @@
 """Measurements as named columns of numbers, from a file, a table or an array.
 
 pandas reads text files with named columns, and Astropy reads ECSV, FITS tables, VOTable and
-SExtractor catalogues. Rows are counted from zero, below the names of a file.
+SExtractor catalogues, all also compressed by gzip. Rows are counted from zero, below the names of a
+file.
 """
 
 from __future__ import annotations
 
+import gzip
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,12 +31,9 @@ from reproduce.store.files import FilePath
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
 _PIXEL_UNITS = ("px", "pix", "pixel", "pixels")
-# Formats that Astropy reads, by the end of a file name.
+# Formats that Astropy reads, by the end of a file name, in addition to FITS.
 _ASTROPY_FORMATS = {
     ".ecsv": "ascii.ecsv",
-    ".fits": "fits",
-    ".fit": "fits",
-    ".fits.gz": "fits",
     ".vot": "votable",
     ".xml": "votable",
     ".cat": "ascii.sextractor",
@@ -210,8 +209,7 @@ def _content(name: str, path: FilePath) -> bytes:
 
 def _parsed(name: str, content: bytes, sep: str | None) -> Any:
     """Return the DataFrame or the Astropy table of the content of a file."""
-    lower = name.lower()
-    form = next((f for end, f in _ASTROPY_FORMATS.items() if lower.endswith(end)), None)
+    form = _ASTROPY_FORMATS.get(Path(name.lower().removesuffix(".gz")).suffix)
     try:
         import pandas as pd
 
@@ -220,11 +218,14 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
             # pandas drops columns without a name, and Astropy all tables but the first.
             warnings.simplefilter("error", pd.errors.ParserWarning)
             warnings.filterwarnings("error", message=".*(multiple tables|truncated)")
-            if form or content.startswith(b"SIMPLE  ="):
+            if packed := content.startswith(b"\x1f\x8b"):
+                content = gzip.decompress(content)
+            if content.startswith(b"SIMPLE  ="):
+                form = "fits"
+            if form:
                 from astropy.table import Table as AstropyTable
 
-                return AstropyTable.read(BytesIO(content), format=form or "fits")
-            packed = lower.endswith(".gz")
+                return AstropyTable.read(BytesIO(content), format=form)
             # pandas reads a plain file without comments in half of the time.
             plain = Path(name).is_file() and not packed and b"#" not in content
             return pd.read_csv(
@@ -234,7 +235,7 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
                 engine="c",
                 skipinitialspace=True,
                 index_col=False,
-                compression="gzip" if packed else None,
+                compression=None,
             )
     except Exception as error:  # pandas, Astropy and XML parsers raise many types
         # The warning of Astropy names the table that it would read.
