@@ -188,7 +188,7 @@ def test_arrays_with_masks_units_or_other_shapes_are_refused():
 
 def test_sigma_and_weight_columns_are_those_of_the_fit(tmp_path):
     # sigma_x comes before sigma.
-    sigma, weights = np.linspace(0.1, 0.3, 30), np.arange(30.0)
+    sigma, weights = np.linspace(0.1, 0.3, 30), np.arange(30) % 2
     sides = {"sigma": sigma, "weight": weights}
     found = rp.register(STARS.assign(**sides, sigma_x=3 * sigma))
     covariance = np.square(sigma)[:, None, None] * np.diag([9, 1])
@@ -202,6 +202,9 @@ def test_sigma_and_weight_columns_are_those_of_the_fit(tmp_path):
             rp.register(STARS.assign(**wrong))
     with pytest.raises(ValueError, match=r"^weights: "):
         rp.register(STARS.assign(**sides), weights=weights)
+    # Errors are weights already.
+    with pytest.raises(ValueError, match=r"^weights: expected 0 or 1"):
+        rp.register(STARS.assign(sigma=sigma, weight=sigma**-2.0))
 
 
 def test_the_hash_of_a_table_covers_its_errors():

@@ -56,11 +56,11 @@ def register(
         Source stars, in px. A table contains one matched star per row in the columns ``x``, ``y``
         (source), ``x_reference``, ``y_reference`` (target). Optional columns: ``sigma`` (or
         ``sigma_x``, ``sigma_y``), the standard deviation of one coordinate of target minus source,
-        in px; ``weight``, 0 to leave out a star. A table is a DataFrame, a dict of columns, an
-        Astropy table, a text file with the names in its first line ("-" is standard input), or an
-        ECSV, FITS, VOTable or SExtractor file. An image is an array of shape (height, width), a
-        `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several images). The result
-        of `stars` is accepted too.
+        in px; ``weight``, 0 to leave out a star. With errors, a weight is 0 or 1. A table is a
+        DataFrame, a dict of columns, an Astropy table, a text file with the names in its first line
+        ("-" is standard input), or an ECSV, FITS, VOTable or SExtractor file. An image is an array
+        of shape (height, width), a `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains
+        several images). The result of `stars` is accepted too.
     target : array_like, shape (n, 2)
         The same stars in the other image, in the order of the source, if `source` is an array of
         stars. Otherwise an image, the result of `stars`, or a table with the columns ``x`` and
@@ -75,7 +75,8 @@ def register(
     robust : bool, optional
         Whether to reject stars that do not fit the others. Default: true for images.
     weights : array_like, shape (n,), optional
-        Relative weights of the stars, such as inverse variances. Zero drops a star.
+        Relative weights of the stars, such as inverse variances. Zero drops a star. With
+        errors, a weight is 0 or 1.
     source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
         Known covariances of the positions, in px^2.
     start, radius : optional

@@ -111,11 +111,14 @@ def prepare(
     """
     _parameter_names(model)
     counts = validate.weights_for(weights, source.shape[-2])
+    errors_known = source_covariance is not None or target_covariance is not None
+    # A larger weight would be a smaller error.
+    right = np.isin(counts, (0, 1)) | (not errors_known)
+    validate.valid("weights", counts, right, "0 or 1, because errors are weights")
     source, target, pivots, weights = np.broadcast_arrays(
         source, target, pivot[..., None, :], counts[..., None]
     )
     shape = (*source.shape, 2)
-    errors_known = source_covariance is not None or target_covariance is not None
     return Problem(
         source,
         target,

@@ -210,7 +210,8 @@ def fit_registration(
     pivot : array_like, shape (..., 2)
         Centre of rotation and scale, in px, such as the principal point of the source.
     weights : array_like, shape (..., n), optional
-        Relative weights, such as inverse variances; zero drops a point. Default: one.
+        Relative weights, such as inverse variances; zero drops a point. Default: one. With known
+        covariances only zero or one.
     model : {"shift", "rigid", "similarity", "similarity+radial", "affine"}
         Model of `Registration`.
     source_covariance, target_covariance : array_like, shape (..., n, 2, 2), optional
