@@ -232,6 +232,20 @@ def test_intervals_cover_correlated_images_and_small_displacements(
     assert np.mean(inside) > least
 
 
+def test_groups_of_other_noise_are_named_and_widen_intervals():
+    """Without it, intervals of 95 % cover 88 %, and a light seems displaced."""
+    rng, inside = default_rng(3), []
+    for _ in range(100):
+        zero, present = drawn(SQUARE, 30, rng)
+        noisy = present[:5] + 5 * NOISE * rng.normal(size=(5, 4, 2))
+        found = diagnose_spots(SQUARE, (zero, noisy))
+        assert [one.kind for one in found.findings] == ["uneven"]
+        average = monitored(zero, noisy, SQUARE, found.widening, found.freedom)
+        low, high = average.interval(0.95)
+        inside.append((low < TURN) & (high > TURN))
+    assert np.mean(inside) > 0.92
+
+
 def test_a_motion_of_short_series_widens_intervals_without_a_finding():
     """The correlation of eight images is uncertain; intervals stay far below a full circle."""
     rng, inside, named = default_rng(1), [], 0

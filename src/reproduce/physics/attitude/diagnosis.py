@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.special import fdtri, ndtri
+from scipy.special import fdtrc, fdtri, ndtri
 
 from reproduce.physics.attitude.monitoring import _correlation
 from reproduce.physics.attitude.platform import (
@@ -30,11 +30,11 @@ from reproduce.physics.validate import (
     IntArray,
 )
 
-# Probability of a finding without a fault, and the number of tests that share it: two patterns, and
-# the correlation of spots and of angles.
-_FALSE_ALARM, _TEST_COUNT = 1e-3, 4
-# Probability, of each of both tests of correlation, that white noise widens the errors. It exceeds
-# the probability of a finding, because the correlation of a short series is uncertain.
+# Probability of a finding without a fault, and the number of tests that share it: two patterns, the
+# correlation of spots and of angles, and the noise of both groups.
+_FALSE_ALARM, _TEST_COUNT = 1e-3, 5
+# Probability, of each test of correlation and noise, that equal white noise changes the errors. It
+# exceeds the probability of a finding, because few images show a fault in part.
 _WIDE_ALARM = 0.05
 # Fewest degrees of freedom of correlated images.
 _MIN_FREEDOM = 2.0
@@ -80,6 +80,11 @@ _CORRELATED_TEXT = (
     "Take images further apart"
 )
 _DRIFT_TEXT = ", or use misalignment-drift for a linear drift"
+_UNEVEN_TEXT = (
+    "the spots scatter by {:.2g} px at the zero point and {:.2g} px at the present. The error of "
+    "the mean includes it, but errors of single images and posteriors assume equal noise. Take "
+    "images of equal noise"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +105,9 @@ class Diagnosis:
         freedom. It is about 1, and less if all spots of an image move together. ``low`` and
         ``high``: its central 95 % without a fault. ``residual_rms``: of the residuals, in px.
     widening : float
-        Factor on the standard error of mean angles: of correlated images, also if the correlation
-        is too uncertain for a finding, and the root of a `chi_square` above 1.
+        Factor on the standard error of mean angles for equal noise: of correlated images and of
+        groups of other noise, also if they are too uncertain for a finding, and the root of a
+        `chi_square` above 1.
     freedom : float
         Upper limit of the degrees of freedom of the standard error.
     """
@@ -167,20 +173,34 @@ def diagnose_spots(
         np.nan_to_num(group - mean).reshape(len(group), -1)
         for group, mean in zip(images, means, strict=True)
     ]
-    spare = 2 * int((counts - 1).sum())
-    squares = sum(np.square(group).sum() for group in series)
+    spares, sizes = 2 * (counts - 1).sum(axis=1), np.array([*map(len, images)])
+    squares = np.array([np.square(group).sum() for group in series])
     noise, freedom = _UNKNOWN_NOISE_PX, _KNOWN_FREEDOM
-    if spare:
-        noise, freedom = max((squares / spare) ** 0.5, _MIN_NOISE_PX), spare
+    if spare := int(spares.sum()):
+        noise, freedom = max((squares.sum() / spare) ** 0.5, _MIN_NOISE_PX), spare
+    noises, chance, factor, limit = np.full(2, noise), 1.0, 1.0, np.inf
+    if spares.all() and not drifts:
+        each = np.maximum((squares / spares) ** 0.5, _MIN_NOISE_PX)
+        low, high = np.argsort(each)
+        # The spots of an image may move together.
+        free = 2 * (sizes - 1)
+        chance = 2 * fdtrc(free[high], free[low], (each[high] / each[low]) ** 2)
+        if chance < _WIDE_ALARM:
+            noises, freedom, parts = each, spares.min(), each**2 / sizes
+            factor = (parts.sum() / (1 / sizes).sum()) ** 0.5 / noise
+            # Welch and Satterthwaite.
+            limit = parts.sum() ** 2 / (parts**2 / (sizes - 1)).sum()
     steady = series[: 1 if drifts else 2]
     response = platform.response(means[0]).reshape(3, -1)
     unit_response = response.T / np.linalg.norm(response, axis=1)
     angles = [group @ unit_response for group in steady]
     score, lag, widening = max(map(_correlation, (steady, angles)))
     correlated = score > -ndtri(_FALSE_ALARM / _TEST_COUNT)
-    variance = np.cumsum((noise * widening) ** 2 / counts, axis=0)
+    variance = np.cumsum((noises[:, None] * widening) ** 2 / counts, axis=0)
     zero = Platform.of_spots(means[0], *platform.tracker[::-1])
-    findings, limit = [*_single_images(images, lights)], np.inf
+    findings = [*_single_images(images, lights)]
+    if not (findings or correlated) and chance < _FALSE_ALARM / _TEST_COUNT:
+        findings.append(Finding("uneven", _UNEVEN_TEXT.format(*noises)))
     tolerated = _MISFIT_FACTOR * correlated
     for model, spots, errors, problem in zip(
         (platform, zero), means, variance, _PROBLEMS, strict=True
@@ -195,10 +215,9 @@ def diagnose_spots(
                 "no group has two images of a light, so the noise is unknown. Add images",
             )
         )
-    factor = 1.0
     if score > -ndtri(_WIDE_ALARM):
-        independent = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
-        factor, limit = widening, max(independent, _MIN_FREEDOM)
+        independent = sizes.sum() * (1 - lag**2) / (1 + lag**2)
+        factor, limit = factor * widening, min(limit, max(independent, _MIN_FREEDOM))
     if correlated:
         text = _CORRELATED_TEXT.format(lag, widening) + _DRIFT_TEXT * (not drifts)
         findings.append(Finding("correlated", text))
