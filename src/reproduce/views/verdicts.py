@@ -60,7 +60,7 @@ def texts(record: Record) -> dict[str, Entry]:
     is_drawn, known = record.probability is not None, expected(record.cell)
     shown: dict[str, Entry] = {
         "cell": link(cell.anchor, code(cell.name)),
-        "printed": printed(cell),
+        "printed": cell.shown + f" ({cell.sigma}σ)" * bool(cell.sigma),
         "stands for": _interval(record, record.stands_for),
         "computed": _with_unit(record, computed(record, extra=1)),
         "Monte Carlo error": _with_unit(
