@@ -175,3 +175,33 @@ def test_a_reading_that_agrees_weakly_is_farther_than_one_without_a_flag():
     plain, *_ = found.cells[CELL]
     weak = plain.model_copy(update={"flags": ("rounding",), "computed": 0.9976})
     assert found._closeness(CELL, plain) > found._closeness(CELL, weak)
+
+
+def test_reasons_of_ambiguous_cells_are_those_of_their_readings():
+    optimum, accuracy = (
+        {
+            (one.choices["radius"], one.choices["noise"], one.choices["light"])
+            for one in evaluated("chen2023/text-resolution", name)
+            if one.agrees
+        }
+        for name in ("optimum", "optimum-accuracy")
+    )
+    assert {one[:2] for one in optimum} == {("one-over-e", "photon"), ("half", "read")}
+    assert optimum & accuracy == {("half", "read", "brighter")}
+    assert "sigma" not in {radius for radius, *_ in optimum | accuracy}
+    reason = ledger.expected("chen2023/text-resolution#optimum").reason
+    assert "only with one half, read noise and the larger flux" in reason
+    excepted = {
+        (one.choices["angles"], one.choices["repeats"])
+        for one in evaluated("niu2024/table-3", "translation-x.blue")
+        if one.choices["translations"] == "table-2" and not one.agrees
+    }
+    assert excepted == {("hexagonal-from-corner", "ten")}
+    reason = ledger.expected("niu2024/table-3#translation-x.blue").reason
+    assert "except in x of blue" in reason
+
+
+def evaluated(key, name):
+    """Return the comparisons of a cell under all readings."""
+    (found,) = (one for one in computations(key) if one.makes(name))
+    return readings.evaluate(found).cells[name]
