@@ -179,29 +179,34 @@ def test_a_reading_that_agrees_weakly_is_farther_than_one_without_a_flag():
 
 def test_reasons_of_ambiguous_cells_are_those_of_their_readings():
     optimum, accuracy = (
-        {
-            (one.choices["radius"], one.choices["noise"], one.choices["light"])
-            for one in evaluated("chen2023/text-resolution", name)
-            if one.agrees
-        }
+        agreeing("chen2023/text-resolution", name)[0]
         for name in ("optimum", "optimum-accuracy")
     )
-    assert {one[:2] for one in optimum} == {("one-over-e", "photon"), ("half", "read")}
-    assert optimum & accuracy == {("half", "read", "brighter")}
-    assert "sigma" not in {radius for radius, *_ in optimum | accuracy}
+    three = [(one["radius"], one["noise"], one["light"]) for one in optimum]
+    assert {one[:2] for one in three} == {("one-over-e", "photon"), ("half", "read")}
+    both = [one for one in optimum if one in accuracy]
+    assert {(one["radius"], one["noise"]) for one in both} == {("half", "read")}
+    assert {one["light"] for one in both} == {"brighter"}
+    assert "sigma" not in {one["radius"] for one in [*optimum, *accuracy]}
     reason = ledger.expected("chen2023/text-resolution#optimum").reason
     assert "only with one half, read noise and the larger flux" in reason
+    _, others = agreeing("niu2024/table-3", "translation-x.blue")
     excepted = {
-        (one.choices["angles"], one.choices["repeats"])
-        for one in evaluated("niu2024/table-3", "translation-x.blue")
-        if one.choices["translations"] == "table-2" and not one.agrees
+        (one["angles"], one["repeats"])
+        for one in others
+        if one["translations"] == "table-2"
     }
     assert excepted == {("hexagonal-from-corner", "ten")}
     reason = ledger.expected("niu2024/table-3#translation-x.blue").reason
     assert "except in x of blue" in reason
 
 
-def evaluated(key, name):
-    """Return the comparisons of a cell under all readings."""
-    (found,) = (one for one in computations(key) if one.makes(name))
-    return readings.evaluate(found).cells[name]
+def agreeing(key, name):
+    """Return the readings with which a cell agrees, and the others."""
+    (computation,) = (one for one in computations(key) if one.makes(name))
+    cells = readings.evaluate(computation).cells[name]
+    found = list(zip(computation.readings, cells, strict=True))
+    return [
+        [choices for choices, one in found if one.agrees is yes]
+        for yes in (True, False)
+    ]

@@ -27,8 +27,6 @@ _MAX_STEPS = 60
 _LAST_MOVEMENT = 1e-11
 # Smallest eigenvalue of a normal matrix with unit diagonal.
 _MIN_EIGENVALUE = 1e-13
-# Fields of a problem with an entry for each point.
-_OF_POINTS = ("source", "target", "counts", "target_covariance", "source_covariance")
 
 
 def thinned(count: int, limit: int) -> slice | IntArray:
@@ -52,9 +50,15 @@ class Problem:
     source_covariance: FloatArray  # zero if unknown
 
     def rows(self, rows: Any) -> Problem:
-        """Return the problem of a part of the points of one field."""
-        part = {name: getattr(self, name)[rows] for name in _OF_POINTS}
-        return replace(self, **part)
+        """Return the problem of a part of the points."""
+        return replace(
+            self,
+            source=self.source[..., rows, :],
+            target=self.target[..., rows, :],
+            counts=self.counts[..., rows],
+            target_covariance=self.target_covariance[..., rows, :, :],
+            source_covariance=self.source_covariance[..., rows, :, :],
+        )
 
     @property
     def reach(self) -> float:
