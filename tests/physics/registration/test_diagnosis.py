@@ -133,6 +133,12 @@ def test_p_values_of_right_fields_are_uniform(known):
     assert kstest(np.array(found), "uniform", axis=0).pvalue.min() > 1e-3
 
 
+def test_halves_that_differ_hide_no_term():
+    """By chance the halves differ by 2.9 standard errors, and a tilt changes a shift by 2.5."""
+    (found,) = diagnosed(*stars(117, 12), np.arange(12))
+    assert (found.kind, "no tilt term" in found.text) == ("sensitive", True)
+
+
 def test_intervals_that_allow_a_radial_term_cover_with_and_without_it():
     """The error is that of the richer fit, and the intervals cover in all fields."""
     inside = []

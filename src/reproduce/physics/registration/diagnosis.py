@@ -432,13 +432,15 @@ def _term_finding(
     term = min(terms, key=lambda term: term.p_value)
     kind = "brightness" if term.term == "bright - faint" else "model"
     if term.p_value >= FALSE_ALARM / len(terms):
-        term, kind = max(terms, key=lambda term: np.abs(term.change).max()), "sensitive"
+        kind = "sensitive"
+        # The difference of two halves is no term of a model.
+        models = [one for one in terms if one.term != "bright - faint"]
+        changes = [np.abs(one.change).max() for one in models]
+        if max(changes, default=0.0) <= _MAX_CHANGE:
+            return [], None
+        term = models[np.argmax(changes)]
     worst = np.abs(term.change).argmax()
     largest = term.change[worst]
-    if kind == "sensitive" and (
-        abs(largest) <= _MAX_CHANGE or term.term == "bright - faint"
-    ):
-        return [], None
     change = f"{fit.names[worst]} by {largest:z.2g} standard deviations"
     text = _TERM_TEXTS[kind].format(term=term.term, p=term.p_value, change=change)
     model = _RICHER_MODELS.get(term.term)
