@@ -8,8 +8,8 @@ from sphinx_external_toc.parsing import parse_toc_yaml
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computations, item_text
 from reproduce.printed.cells import PAPERS, library
+from reproduce.views._verdicts import facts_of
 from reproduce.views.figure import drawable
-from reproduce.views.verdicts import facts_of
 
 BOOK = ROOT / "book"
 PATHS = [p for p in BOOK.rglob("*.md") if not {"_build", "_extra"} & set(p.parts)]

@@ -11,7 +11,8 @@ from places import ROOT
 
 from reproduce.inference import sampling
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import computed, figure
+from reproduce.views import _computed as computed
+from reproduce.views import figure
 from reproduce.views.posterior import book_posterior
 
 DELETE = re.compile(r"\.(rmtree|unlink|rmdir|removedirs)\(|\bos\.remove\(")

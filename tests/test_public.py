@@ -110,9 +110,12 @@ def users(paths, folder, depth=2):
     return [path for path in inside if folders(path, depth) != folder]
 
 
-def test_private_names_are_used_only_in_their_folder():
-    for (module, name), paths in DEFINED.items():
-        if re.match("_[^_]", name):
+def test_private_names_and_modules_are_used_only_in_their_folder():
+    private = {place: paths for place, paths in DEFINED.items() if place[1][0] == "_"}
+    # Subpackages export names of their private modules.
+    private |= {place: paths for place, paths in USED.items() if "._" in place[0]}
+    for (module, name), paths in private.items():
+        if not name.startswith("__"):
             assert users(paths, folders(MODULES[module], 1), 1) == [], (module, name)
 
 

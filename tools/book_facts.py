@@ -42,18 +42,20 @@ from reproduce.printed.number import NOMINAL_FRACTION, minus, powers, quantity
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.version import ADDRESS
-from reproduce.views import computed, numbers, verdicts
-from reproduce.views.blocks import LOOKS, rendered
+from reproduce.views import _computed as computed
+from reproduce.views import _numbers as numbers
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._blocks import LOOKS, rendered
+from reproduce.views._computed import whole_ledger
+from reproduce.views._export import export_frame, provenance_of, table_files
+from reproduce.views._reports import FORMS, report
+from reproduce.views._study import StudyTable
+from reproduce.views._verdicts import counts, facts_of
 from reproduce.views.citations import in_words, recomputed
-from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import ConsistencyAudit, errata_register
 from reproduce.views.contents import Contents
-from reproduce.views.export import export_frame, provenance_of, table_files
 from reproduce.views.figure import Figure
-from reproduce.views.reports import FORMS, report
-from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
-from reproduce.views.verdicts import counts, facts_of
 
 # Formats of a citation that a card copies.
 CITATIONS = {

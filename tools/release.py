@@ -35,8 +35,8 @@ from reproduce.version import (
     commit,
     version,
 )
+from reproduce.views._computed import whole_ledger
 from reproduce.views.citations import mark, statement
-from reproduce.views.computed import whole_ledger
 from reproduce.views.verify import released
 
 ROOT = Path(__file__).resolve().parent.parent

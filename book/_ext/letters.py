@@ -14,7 +14,7 @@ from sphinx.util.docutils import SphinxDirective
 from after_build import SAFE
 from reproduce.judge.ledger import entries, frozen
 from reproduce.printed.cells import anchor, find, library
-from reproduce.views.blocks import link
+from reproduce.views._blocks import link
 
 FOLD = " <details><summary>The numbers</summary>{}.</details>"
 

@@ -18,7 +18,7 @@ from after_build import SAFE
 from reproduce.judge.ledger import frozen, record_of
 from reproduce.locate import data_folder
 from reproduce.printed.cells import anchor, library
-from reproduce.views.blocks import Block, Blocks, Grid, badge, link
+from reproduce.views._blocks import Block, Blocks, Grid, badge, link
 
 Moved = dict[str, tuple[str, str]]
 

@@ -23,7 +23,7 @@ from after_build import SAFE, after_build
 from anchors import pages
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
-from reproduce.views import keys
+from reproduce.views import _keys as keys
 
 SCRIPT = Path(__file__).with_name("own_search.js")
 INDEX = "search-index.js"

@@ -108,8 +108,8 @@ def linked(page: str, held: Mapping[str, str], text: str) -> Iterator[dict[str, 
     from reproduce.locate import papers
     from reproduce.papers.catalogue import catalogue
     from reproduce.printed.cells import anchor, library
-    from reproduce.views.export import table_files
-    from reproduce.views.keys import place, title
+    from reproduce.views._export import table_files
+    from reproduce.views._keys import place, title
 
     if page == "index":
         kinds = ["Book", "ScholarlyArticle"]

@@ -7,7 +7,7 @@ import pytest
 from reading import DESKTOP, HTML, PHONE, violations
 
 from reproduce.printed.cells import anchor
-from reproduce.views.computed import whole_ledger
+from reproduce.views._computed import whole_ledger
 
 pytestmark = pytest.mark.browser
 PAGE = "cells.html"

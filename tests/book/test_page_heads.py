@@ -16,8 +16,8 @@ from page_heads import MAX_LENGTH, described, finish, linked
 from reproduce import version
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
+from reproduce.views._export import table_files
 from reproduce.views.citations import cite
-from reproduce.views.export import table_files
 
 META = re.compile(r'<meta name="(\w+)" content="([^"]*)" />')
 SCRIPT = re.compile(

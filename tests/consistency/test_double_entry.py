@@ -13,14 +13,14 @@ import pytest
 from made_up import declared
 
 from reproduce.consistency.report import audit_paper
+from reproduce.judge._propagate import result_intervals
 from reproduce.judge.ledger import build
-from reproduce.judge.propagate import result_intervals
 from reproduce.judge.readings import evaluate
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computation_for, computations, reproduces
 from reproduce.printed.cells import PAPERS, find, library
 from reproduce.printed.inputs import load_inputs
-from reproduce.views.verdicts import choices_text
+from reproduce.views._verdicts import choices_text
 
 SHEET = {
     address: cell

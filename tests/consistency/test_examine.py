@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import audited_table, finding, printed_cell
 
-from reproduce.consistency.equations import _ITERATION_STEPS
+from reproduce.consistency._equations import _ITERATION_STEPS
 from reproduce.consistency.report import audit_paper
 
 TEXT = """

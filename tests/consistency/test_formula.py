@@ -5,7 +5,7 @@ import math
 import pytest
 from made_up import declared, printed_cell
 
-from reproduce.consistency.relation import Formula
+from reproduce.consistency._relation import Formula
 
 CELLS = {
     a: printed_cell(a, text, unit)

@@ -10,8 +10,8 @@ import pint
 import pytest
 from made_up import PINT, audited_table, printed_cell
 
+from reproduce.consistency._relation import _SCOPE
 from reproduce.consistency.examine import _agreements, _contradicted, _rounding_interval
-from reproduce.consistency.relation import _SCOPE
 from reproduce.consistency.report import audit_paper
 from reproduce.judge.ledger import frozen
 from reproduce.printed.cells import PAPERS

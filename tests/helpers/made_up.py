@@ -6,7 +6,7 @@ columns, and distances and times of cars that share one speed.
 
 import tomllib
 
-from reproduce.consistency import relation
+from reproduce.consistency import _relation as relation
 from reproduce.consistency.report import audit
 from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import PrintedNumber

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from reproduce.inference.modes import two_modes
+from reproduce.inference._modes import two_modes
 from reproduce.views.posterior import book_posterior
 
 COUNT, SAMPLES = 1000, 50

@@ -17,9 +17,9 @@ from reproduce.papers.niu2024.posteriors import true_centroids
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.inputs import load_inputs
 from reproduce.store import studies
-from reproduce.views import computed
+from reproduce.views import _computed as computed
 from reproduce.views import posteriors as pages
-from reproduce.views.intervals import draw_intervals
+from reproduce.views._intervals import draw_intervals
 from reproduce.views.posterior import book_posterior
 
 FOLDER = ROOT / "book/posteriors"

@@ -14,8 +14,8 @@ from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import find, library
 from reproduce.printed.inputs import load_inputs
-from reproduce.views.blocks import LOOKS
-from reproduce.views.verdicts import _joint_chance
+from reproduce.views._blocks import LOOKS
+from reproduce.views._verdicts import _joint_chance
 
 WEAK = {"rounding", "copy", "difference", "tolerance", "wide"}
 QUALIFIED = {"about", "nominal"}

@@ -1,6 +1,6 @@
 """The rounding of inputs, propagated to results."""
 
-from reproduce.judge.propagate import plain_results
+from reproduce.judge._propagate import plain_results
 from reproduce.papers.declare import reproduces
 from reproduce.printed.inputs import load_inputs
 

@@ -15,7 +15,7 @@ from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import PrintedNumber
-from reproduce.views.verdicts import deciding
+from reproduce.views._verdicts import deciding
 
 TABLE, CELL = "niu2024/table-2", "scale.red"  # prints 0.9976
 OPTIONS = {

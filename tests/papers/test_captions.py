@@ -7,6 +7,7 @@ from places import ROOT
 
 from book_facts import of_study
 from reproduce.locate import read_toml
+from reproduce.papers._texts import Fact, ItemText
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import (
     Study,
@@ -14,7 +15,6 @@ from reproduce.papers.declare import (
     drawing,
     item_text,
 )
-from reproduce.papers.texts import Fact, ItemText
 
 FOLDER = ROOT / "data" / "captions"
 

@@ -8,8 +8,8 @@ import pytest
 import verify_ledger
 from book_facts import readings_frame
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.views.computed import whole_ledger
-from reproduce.views.export import export_frame
+from reproduce.views._computed import whole_ledger
+from reproduce.views._export import export_frame
 
 FAR = {"computed": 1e9, "interval": (1e9, 1e9), "probability": None}
 

@@ -10,8 +10,8 @@ from book_facts import write_figure
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import anchor, library
 from reproduce.views import figure as figures
-from reproduce.views.base import text_of
-from reproduce.views.export import table_files
+from reproduce.views._base import text_of
+from reproduce.views._export import table_files
 
 KEYS = ("niu2024/table-2", "niu2024/table-3", "chen2023/table-5")
 

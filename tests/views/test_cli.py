@@ -24,7 +24,7 @@ from reproduce.store.files import write_text
 from reproduce.views import figure as figures
 from reproduce.views import posteriors
 from reproduce.views import register as registers
-from reproduce.views.blocks import Grid, plain
+from reproduce.views._blocks import Grid, plain
 
 TABLE, FIGURE, NOISE = (
     "niu2024/table-3",

@@ -26,8 +26,8 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import verify as verifying
+from reproduce.views._export import FORMATS
 from reproduce.views.citations import cite, identifiers, mark, statement
-from reproduce.views.export import FORMATS
 from reproduce.views.verify import verify
 
 KEY, STUDY = "chen2023/table-5", "chen2023/heat"

@@ -19,11 +19,12 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Column
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.printed.number import powers
-from reproduce.views import numbers, verdicts
+from reproduce.views import _numbers as numbers
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._computed import whole_ledger
+from reproduce.views._export import provenance_of, table_files
 from reproduce.views.citations import cite
-from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import errata_register
-from reproduce.views.export import provenance_of, table_files
 
 SPARSE = """computed error tolerance share probability mcse stands_for_low stands_for_high
 interval_low interval_high function line readings agreeing closest_computed

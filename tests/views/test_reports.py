@@ -19,10 +19,10 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.printed.inputs import load_inputs
-from reproduce.views import reports
-from reproduce.views.blocks import written
+from reproduce.views import _reports as reports
+from reproduce.views._blocks import written
+from reproduce.views._export import table_files
 from reproduce.views.citations import cite
-from reproduce.views.export import table_files
 
 NP = rdflib.Namespace("http://www.nanopub.org/nschema#")
 CITO = rdflib.Namespace("http://purl.org/spar/cito/")

@@ -12,8 +12,8 @@ from commands import width
 import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
-from reproduce.views.blocks import LOOKS
-from reproduce.views.computed import whole_ledger
+from reproduce.views._blocks import LOOKS
+from reproduce.views._computed import whole_ledger
 
 TABLE, FOCAL = "niu2024/table-2", "niu2024/table-1#focal-length.red"
 STARS, NOISE = "niu2024/stars", "niu2024/text-simulation#noise"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from reproduce.consistency.relation import Relation, Sheet
+from reproduce.consistency._relation import Relation, Sheet
 from reproduce.printed.corners import corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber
 

@@ -9,15 +9,15 @@ from typing import Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
-from reproduce.consistency.equations import Demonstration, demonstrations
-from reproduce.consistency.examine import RelationResult, examine
-from reproduce.consistency.relation import (
+from reproduce.consistency._equations import Demonstration, demonstrations
+from reproduce.consistency._relation import (
     Finder,
     Relation,
     Sheet,
     declarations,
     declared,
 )
+from reproduce.consistency.examine import RelationResult, examine
 from reproduce.printed.cells import library
 
 

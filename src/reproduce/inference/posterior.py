@@ -18,9 +18,9 @@ import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 
 from reproduce.inference import diagnostics
+from reproduce.inference._modes import Modes, two_modes
 from reproduce.inference.diagnostics import Summary
 from reproduce.inference.model import LogUniform, Model, Uniform
-from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray, IntArray
 
 if TYPE_CHECKING:

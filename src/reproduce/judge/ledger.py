@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import model_validator
 
-from reproduce.judge.propagate import plain_results
+from reproduce.judge._propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
 from reproduce.judge.verdicts import (
     CENTRAL,

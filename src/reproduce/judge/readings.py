@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.judge.propagate import result_intervals
+from reproduce.judge._propagate import result_intervals
 from reproduce.judge.verdicts import (
     TOLERANT,
     Frozen,

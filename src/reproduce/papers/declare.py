@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any, Self
 from numpy.random import SeedSequence
 
 from reproduce.locate import data_files
+from reproduce.papers._texts import Alternative as Alternative
+from reproduce.papers._texts import Column as Column
+from reproduce.papers._texts import ItemText
+from reproduce.papers._texts import Options as Options
+from reproduce.papers._texts import item_text as item_text
 from reproduce.papers.catalogue import KINDS, catalogue
-from reproduce.papers.texts import Alternative as Alternative
-from reproduce.papers.texts import Column as Column
-from reproduce.papers.texts import ItemText
-from reproduce.papers.texts import Options as Options
-from reproduce.papers.texts import item_text as item_text
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 

@@ -21,9 +21,10 @@ from reproduce.papers.declare import computation_for, study
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PAPERS, PrintedCell, library
 from reproduce.version import AUTHORS, content_id
-from reproduce.views import keys, verdicts
-from reproduce.views.blocks import written
-from reproduce.views.tex import in_tex
+from reproduce.views import _keys as keys
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._blocks import written
+from reproduce.views._tex import in_tex
 
 _FORMATS = ("bibtex", "ris", "csl", "text", "sentence")
 # Field of BibTeX to its name in CSL.

@@ -18,7 +18,7 @@ from reproduce.physics.registration import MODELS
 from reproduce.physics.validate import without_none
 from reproduce.store.files import DRAWS, FIGURES, check_target
 from reproduce.version import __version__
-from reproduce.views.blocks import Display, printable
+from reproduce.views._blocks import Display, printable
 
 
 class _Shell(click.Group):
@@ -333,7 +333,7 @@ def _export(address: str, form: str) -> None:
       # citation: The reproduce-pointing developers (2026). Reproduction of Table 2 ...
       "row","value","Red","Blue"
     """
-    from reproduce.views.reports import FORMS, report
+    from reproduce.views._reports import FORMS, report
 
     if form in FORMS:
         click.echo("\n".join(report(address, form).values()))

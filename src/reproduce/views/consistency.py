@@ -15,8 +15,9 @@ from reproduce.consistency.report import Audit, Erratum, audit_paper
 from reproduce.judge.ledger import entries, frozen, record_of
 from reproduce.papers.declare import Column
 from reproduce.printed.number import minus, quantity, si_factor, symbol
-from reproduce.views import numbers, verdicts
-from reproduce.views.blocks import (
+from reproduce.views import _numbers as numbers
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._blocks import (
     Block,
     Blocks,
     Display,
@@ -26,7 +27,7 @@ from reproduce.views.blocks import (
     fold,
     rendered,
 )
-from reproduce.views.keys import check_choice, chosen_papers
+from reproduce.views._keys import check_choice, chosen_papers
 
 _Row = dict[Any, Any]
 # Format of both sides of an equation. Smaller numbers are rounding noise.
@@ -262,7 +263,7 @@ def _sides(finding: RelationResult, audit: Audit) -> str:
 
 def _differences(audits: Sequence[Audit]) -> _Part:
     """Show the distances between printed and computed numbers."""
-    from reproduce.views import differences  # it loads the figures
+    from reproduce.views import _differences as differences  # it loads the figures
 
     found = differences.distances([audit.name for audit in audits])
     rows = found.to_dict("records")

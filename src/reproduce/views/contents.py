@@ -11,8 +11,9 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import drawing
 from reproduce.printed.cells import PAPERS, altered_files
-from reproduce.views import keys, verdicts
-from reproduce.views.blocks import (
+from reproduce.views import _keys as keys
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._blocks import (
     LOOKS,
     Block,
     Display,
@@ -22,8 +23,8 @@ from reproduce.views.blocks import (
     link,
     rendered,
 )
-from reproduce.views.computed import whole_ledger
-from reproduce.views.export import full_frame
+from reproduce.views._computed import whole_ledger
+from reproduce.views._export import full_frame
 
 if TYPE_CHECKING:
     import pandas as pd

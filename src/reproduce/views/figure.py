@@ -26,10 +26,11 @@ from reproduce.printed.cells import anchor, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import powers
 from reproduce.store.files import FIGURES, FilePath, check_target, replacing
-from reproduce.views import computed, keys
-from reproduce.views.base import Change, Rerunnable
-from reproduce.views.blocks import Block, Display, Html, rendered
-from reproduce.views.verdicts import filled
+from reproduce.views import _computed as computed
+from reproduce.views import _keys as keys
+from reproduce.views._base import Change, Rerunnable
+from reproduce.views._blocks import Block, Display, Html, rendered
+from reproduce.views._verdicts import filled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

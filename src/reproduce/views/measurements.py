@@ -19,8 +19,8 @@ from reproduce.printed.number import minus
 from reproduce.store.files import FilePath
 from reproduce.store.points import brightness, computing, matched_stars
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.blocks import Block, Display, Grid
-from reproduce.views.numbers import between, moments
+from reproduce.views._blocks import Block, Display, Grid
+from reproduce.views._numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,7 +131,7 @@ class UserResult(Display):
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
-        from reproduce.views import export  # it loads the ledger
+        from reproduce.views import _export as export  # it loads the ledger
 
         return export.export_frame(self.frame(), form, export.provenance_of())
 

@@ -28,7 +28,7 @@ from reproduce.store.points import (
     covariances,
     read_table,
 )
-from reproduce.views.blocks import Block, Display, Grid, fold
+from reproduce.views._blocks import Block, Display, Grid, fold
 from reproduce.views.measurements import RegistrationResult
 
 # Default of the largest distance of a pair: in px, and as a fraction of the field.

@@ -37,15 +37,15 @@ from reproduce.printed.cells import find
 from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, FilePath, check_target, replacing, write_text
 from reproduce.version import __version__
-from reproduce.views import computed
-from reproduce.views.base import ResultView, text_of
-from reproduce.views.blocks import Block, Blocks, Grid, Html, fold
+from reproduce.views import _computed as computed
+from reproduce.views._base import ResultView, text_of
+from reproduce.views._blocks import Block, Blocks, Grid, Html, fold
+from reproduce.views._export import export_frame
+from reproduce.views._intervals import correlated_pair, draw_intervals
+from reproduce.views._keys import check_choice
+from reproduce.views._numbers import digits, moments
 from reproduce.views.citations import cite_related
-from reproduce.views.export import export_frame
 from reproduce.views.figure import figure_block
-from reproduce.views.intervals import correlated_pair, draw_intervals
-from reproduce.views.keys import check_choice
-from reproduce.views.numbers import digits, moments
 
 # Arguments that replace numbers of the book: seed of its data, and plan of the sampler.
 _NUMBERS = ("data_seed", "steps", "walkers", "seed")

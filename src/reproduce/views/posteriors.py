@@ -18,8 +18,8 @@ from reproduce.printed.cells import find
 from reproduce.printed.number import UNITS, quantity, symbol
 from reproduce.store import studies
 from reproduce.store.files import FilePath
-from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, link
-from reproduce.views.numbers import digits, percent
+from reproduce.views._blocks import Block, Blocks, Display, Entry, Grid, badge, link
+from reproduce.views._numbers import digits, percent
 from reproduce.views.posterior import Posterior, book_posterior, interval
 
 _COLUMNS = ("Quantity", "Printed", "Posterior, mean ± sd", "95 % interval", "Verdict")

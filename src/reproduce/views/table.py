@@ -17,9 +17,10 @@ from reproduce.papers.declare import changeable, computation_for
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import minus
-from reproduce.views import keys, verdicts
-from reproduce.views.base import Change, ItemView, ResultView, text_of
-from reproduce.views.blocks import (
+from reproduce.views import _keys as keys
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._base import Change, ItemView, ResultView, text_of
+from reproduce.views._blocks import (
     LOOKS,
     Block,
     Entry,
@@ -31,14 +32,14 @@ from reproduce.views.blocks import (
     rendered,
     written,
 )
-from reproduce.views.export import (
+from reproduce.views._export import (
     export_frame,
     full_frame,
     provenance_of,
 )
-from reproduce.views.readings import Readings
-from reproduce.views.study import StudyTable
-from reproduce.views.sweep import Changed, Point, Sweep
+from reproduce.views._readings import Readings
+from reproduce.views._study import StudyTable
+from reproduce.views._sweep import Changed, Point, Sweep
 
 
 @checked
@@ -223,7 +224,7 @@ class Table(ItemView, _Judged):
         each cell. JSON contains every field of the ledger. The covariance is between the cells.
         """
         if form == "covariance":
-            from reproduce.views.reports import covariance
+            from reproduce.views._reports import covariance
 
             given = provenance_of(self.cite("text"), "covariance, literal reading")
             return export_frame(covariance(self.key), "csv", given)

@@ -10,7 +10,7 @@ from reproduce.judge.rerun import options
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import library
 from reproduce.printed.number import minus
-from reproduce.views.blocks import Block, Display, Grid
+from reproduce.views._blocks import Block, Display, Grid
 
 
 class Readings(Display):

@@ -8,7 +8,7 @@ from reproduce.printed.number import minus, powers
 _SIGNS = {
     name: str.maketrans(signs)
     for name, signs in tomllib.loads(
-        Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+        Path(__file__).with_name("tex.toml").read_text(encoding="utf-8")
     ).items()
 }
 

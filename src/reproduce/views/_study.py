@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from reproduce.papers.declare import Study, study
-from reproduce.views import numbers
-from reproduce.views.base import Change, Rerunnable
-from reproduce.views.blocks import Block, Grid, Html
-from reproduce.views.keys import check_choice, element
-from reproduce.views.sweep import Point, Sweep
+from reproduce.views import _numbers as numbers
+from reproduce.views._base import Change, Rerunnable
+from reproduce.views._blocks import Block, Grid, Html
+from reproduce.views._keys import check_choice, element
+from reproduce.views._sweep import Point, Sweep
 
 # Largest number of rows on a page, in two screens.
 _MAX_ROWS = 60

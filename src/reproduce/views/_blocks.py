@@ -34,7 +34,7 @@ from rich.text import Text
 from reproduce import version
 from reproduce.locate import data_folder
 from reproduce.printed.number import minus, powers
-from reproduce.views.tex import escaped, in_tex
+from reproduce.views._tex import escaped, in_tex
 
 if TYPE_CHECKING:
     import pandas as pd

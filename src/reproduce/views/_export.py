@@ -13,11 +13,11 @@ from reproduce.judge.ledger import Record
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import anchor
 from reproduce.version import software
-from reproduce.views import verdicts
-from reproduce.views.blocks import entry_text, written
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._blocks import entry_text, written
+from reproduce.views._keys import check_choice
+from reproduce.views._tex import in_tex
 from reproduce.views.citations import cite
-from reproduce.views.keys import check_choice
-from reproduce.views.tex import in_tex
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,10 +22,10 @@ from reproduce.papers.declare import (
 )
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.inputs import Inputs
-from reproduce.views import keys
-from reproduce.views.blocks import Display, rendered
+from reproduce.views import _keys as keys
+from reproduce.views._blocks import Display, rendered
+from reproduce.views._export import export_frame, provenance_of, table_files
 from reproduce.views.citations import cite
-from reproduce.views.export import export_frame, provenance_of, table_files
 
 Change = Mapping[str, str | float]  # address of a printed cell to a value as printed
 

@@ -19,8 +19,8 @@ from reproduce.judge.verdicts import VERDICTS, Flag
 from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import PrintedCell, anchor
 from reproduce.printed.number import minus, quantity
-from reproduce.views.blocks import Entry, badge, code, link
-from reproduce.views.numbers import digits
+from reproduce.views._blocks import Entry, badge, code, link
+from reproduce.views._numbers import digits
 
 # Kinds of weak agreement, and their names for readers.
 WEAK: dict[Flag, str] = {

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from reproduce.papers.charts import Figure, set_size
-from reproduce.views.blocks import Html
-from reproduce.views.computed import whole_ledger
+from reproduce.views._blocks import Html
+from reproduce.views._computed import whole_ledger
 from reproduce.views.figure import figure_block
 
 

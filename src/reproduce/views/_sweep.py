@@ -17,9 +17,9 @@ from reproduce.papers.charts import Figure, set_size
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.number import minus, quantity
 from reproduce.printed.quantity import si_value
-from reproduce.views import verdicts
-from reproduce.views.base import Change, setting
-from reproduce.views.blocks import Block, Display, Grid, Html, rendered
+from reproduce.views import _verdicts as verdicts
+from reproduce.views._base import Change, setting
+from reproduce.views._blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.figure import figure_block
 
 # A number of a step: entries of the columns of a sweep.

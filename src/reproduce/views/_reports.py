@@ -16,8 +16,10 @@ from reproduce.papers.declare import computations
 from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
-from reproduce.views import citations, keys, verdicts
-from reproduce.views.blocks import written
+from reproduce.views import _keys as keys
+from reproduce.views import _verdicts as verdicts
+from reproduce.views import citations
+from reproduce.views._blocks import written
 
 # Files of each form.
 FORMS = {
