@@ -16,7 +16,7 @@ from reproduce.inference import (
     summarised,
 )
 from reproduce.inference.diagnostics import _mcse_quantile, require
-from reproduce.inference.sampling import move_mixture
+from reproduce.inference.sampling import _move_mixture
 
 
 def autoregressive(correlation, shape, seed=1):
@@ -89,7 +89,7 @@ def test_moves_leave_a_curved_density_unchanged():
     chains = []
     for seed in range(2):
         sampler = emcee.EnsembleSampler(
-            64, 2, banana, vectorize=True, moves=move_mixture()
+            64, 2, banana, vectorize=True, moves=_move_mixture()
         )
         points = default_rng(seed).normal(size=(64, 2))
         random_state = np.random.RandomState(seed).get_state()

@@ -33,10 +33,10 @@ def stored_computations() -> dict[str, Computation]:
 
 def packed(evaluation: readings.Evaluation) -> dict[str, Array]:
     """Return an evaluation as arrays, by the names under which the study stores them."""
-    lead, cells = f"{evaluation.computation.name}:", evaluation.cells.items()
+    lead = f"{evaluation.computation.name}:"
     arrays = {
-        f"{lead}{name}": np.array([*map(readings.stored_row, one)])
-        for name, one in cells
+        f"{lead}{name}": np.array(evaluation.stored_rows(name))
+        for name in evaluation.cells
     }
     return {**arrays, f"{lead}joint": evaluation.joint}
 

@@ -83,7 +83,7 @@ def _proposals(dimension: int) -> list[Any]:
     ]
 
 
-def move_mixture(
+def _move_mixture(
     fractions: tuple[float, float, float] = _STEADY_FRACTIONS,
 ) -> list[tuple[moves.Move, float]]:
     """Return the moves of an ensemble for emcee, with their fractions."""
@@ -204,7 +204,7 @@ def run_ensemble(model: Model, plan: Plan, ensemble: int) -> tuple[FloatArray, f
             model.dimension,
             model.log_density,
             vectorize=True,
-            moves=move_mixture(fractions),
+            moves=_move_mixture(fractions),
         )
         for fractions in (_WARMUP_FRACTIONS, _STEADY_FRACTIONS)
     )

@@ -81,8 +81,14 @@ class Evaluation(NamedTuple):
     def results(self, name: str) -> list[str]:
         """Return the result of a cell under every reading as text, equal for equal results."""
         return [
-            " ".join(map("{:.9e}".format, stored_row(reading)[:4]))
-            for reading in self.cells[name]
+            " ".join(map("{:.9e}".format, row[:4])) for row in self.stored_rows(name)
+        ]
+
+    def stored_rows(self, name: str) -> list[list[float]]:
+        """Return the numbers of a predicted cell that the study stores, for every reading."""
+        return [
+            [one.computed, *one.interval, one.probability or 0.0, one.error or 0.0]
+            for one in self.cells[name]
         ]
 
     def _by_option(self, values: Sequence[Any]) -> NDArray[Any]:
@@ -164,10 +170,10 @@ def evaluate(computation: Computation) -> Evaluation:
         raise _stale(f"{computation.name} has other inputs or options")
     literal = evaluate_readings(computation, computation.readings[:1])
     table, cells = library()[computation.key], {}
-    for name, (reading,) in literal.cells.items():
+    for name in literal.cells:
         known = arrays[f"{computation.name}:{name}"]
         # Without the error of the median, which may change more.
-        row, first = stored_row(reading)[:4], known[0, :4]
+        row, first = literal.stored_rows(name)[0][:4], known[0, :4]
         draws = _NOISE_DRAWS / computation.replicates
         if not np.allclose(row, first, 1e-6, [0.0, 0.0, 0.0, draws]):
             raise _stale(f"{computation.key}#{name} is {row}, stored {first.tolist()}")
@@ -216,12 +222,6 @@ def evaluate_readings(
             else (math.nan, math.nan)
         )
     return Evaluation(computation, by_cell, np.array(joint))
-
-
-def stored_row(reading: Reading) -> list[float]:
-    """Return the numbers of a predicted cell that the study stores."""
-    ends = reading.computed, *reading.interval
-    return [*ends, reading.probability or 0.0, reading.error or 0.0]
 
 
 def fingerprint(computation: Computation) -> str:

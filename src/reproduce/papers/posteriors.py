@@ -15,7 +15,7 @@ from reproduce.inference.sampling import Plan
 from reproduce.locate import papers
 from reproduce.physics.validate import whole_number
 from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
-from reproduce.store.points import DataTable, TableFileError, computing, is_table
+from reproduce.store.points import DataTable, computing, is_table
 
 # Your data, their model, and remarks on them.
 Supplied = tuple[DataTable | None, Model, list[str]]
@@ -106,7 +106,7 @@ class Declaration:
                 f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
             )
         if self.read is None:
-            raise TableFileError(f"{self.key} takes no file: {self.meaning}")
+            raise ValueError(f"{self.key} takes no file: {self.meaning}")
         if unknown := settings.keys() - {*self.accepts, "sep"}:
             raise ValueError(
                 f"{min(unknown)}: expected none for {self.key}. Leave it out"

@@ -40,7 +40,7 @@ _BLOCK_BYTES = 1 << 20
 _MIN_SATURATED = 4
 
 
-class ImageError(ValueError):
+class _ImageError(ValueError):
     """An image cannot be used; the message contains its name and the reason."""
 
 
@@ -62,20 +62,6 @@ def is_image(source: Any) -> bool:
     shape = getattr(content, "shape", ())
     has_sides = len(shape) in (2, 3) and sorted(shape)[-2] >= _MIN_SIDE
     return has_sides and not hasattr(source, "columns")
-
-
-def are_separate(source: Any, target: Any) -> bool:
-    """Return whether stars must be found or matched: two files, an image, or a result of `stars`.
-
-    Examples
-    --------
-    >>> are_separate("one.csv", "other.csv"), are_separate("matched.csv", None)
-    (True, False)
-    """
-    pair = source, target
-    return all(isinstance(one, FilePath) for one in pair) or any(
-        is_image(one) or hasattr(one, "rejected") for one in pair
-    )
 
 
 def read_image(
@@ -102,7 +88,7 @@ def read_image(
 
     Raises
     ------
-    ImageError
+    ValueError
         If the source is not one two-dimensional image with different pixels.
     """
     is_file = isinstance(source, FilePath)
@@ -171,13 +157,13 @@ def _deviations(uncertainty: Any, unit: Any, missing: BoolArray) -> FloatArray:
 
 @contextmanager
 def reading(name: str) -> Iterator[None]:
-    """Raise `ImageError` with the name of the image for any error."""
+    """Raise a `ValueError` with the name of the image for any error."""
     try:
         yield
-    except ImageError:
+    except _ImageError:
         raise
     except ImportError as error:
-        raise ImageError(
+        raise _ImageError(
             f"{name}: expected the packages astropy and photutils, got no "
             f"{error.name}. Install both"
         ) from error
@@ -185,7 +171,7 @@ def reading(name: str) -> Iterator[None]:
         message = " ".join(str(error).split()) or type(error).__name__
         if not re.match(r"([\w, ]+: )?expected ", message):
             message = f"expected a complete and readable image, got {message!r}. Check the file"
-        raise ImageError(f"{name}: {message}") from error
+        raise _ImageError(f"{name}: {message}") from error
 
 
 @contextmanager

@@ -45,10 +45,6 @@ SIGMAS = ("sigma", "sigma_x", "sigma_y")
 _MAX_NAMES = 12
 
 
-class TableFileError(ValueError):
-    """Measurements are wrong; the message names the file, row and column."""
-
-
 @dataclass(frozen=True, eq=False)
 class DataTable:
     """Named columns of numbers.
@@ -79,7 +75,7 @@ class DataTable:
     def check(self, name: str, right: BoolArray, expected: str) -> None:
         """Raise the error that names source, row and column of the first wrong number."""
         for row in np.flatnonzero(~right)[:1].tolist():
-            raise TableFileError(
+            raise ValueError(
                 f"{self.path}, row {row}, column {name}: expected {expected}, got "
                 f"{self.numbers[name][row]:g}. Correct or remove the row"
             )
@@ -92,7 +88,7 @@ def computing(path: FilePath) -> Iterator[None]:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             yield
     except FloatingPointError as error:
-        raise TableFileError(
+        raise ValueError(
             f"{path}: expected other numbers, got an {error}. Look for values that are huge, zero "
             "or equal"
         ) from error
@@ -141,7 +137,7 @@ def read_table(
     else:
         names = [_plain(heading) for heading in headings]
         if "mask" in names:
-            raise TableFileError(
+            raise ValueError(
                 f"{name}: expected no column mask, got one. Remove it and the masked rows"
             )
         extra = (column for column in optional if column in names)
@@ -150,7 +146,7 @@ def read_table(
             # pandas calls the second column with the name x in a file x.1.
             if names.count(column) != 1 or f"{column}.1" in names:
                 shown = ", ".join(repr(one[:40]) for one in names[:_MAX_NAMES])
-                raise TableFileError(
+                raise ValueError(
                     f"{name}: expected one column {column} among the names in the first line, got "
                     f"{shown or 'none'}. Lengths are in px. Give sep if no comma separates the "
                     "columns"
@@ -160,7 +156,7 @@ def read_table(
                 f"{name}, column {heading}", column, source[heading]
             )
         if len(lengths := {len(given) for given in numbers.values()}) > 1:
-            raise TableFileError(
+            raise ValueError(
                 f"{name}: expected columns of one length, got {sorted(lengths)}. Row i of each "
                 "column is the same observation"
             )
@@ -185,9 +181,7 @@ def _numbers(
     given = getattr(column, "unit", getattr(column, "units", None))
     unit = str(given or "px").lower() or "no unit"
     if unit not in _PIXEL_UNITS and name in (*STARS, *SIGMAS):
-        raise TableFileError(
-            f"{place}: expected px, got {unit}. Convert the lengths to px"
-        )
+        raise ValueError(f"{place}: expected px, got {unit}. Convert the lengths to px")
     if hasattr(column, "iloc") and column.dtype not in (float, int, complex):
         import pandas as pd
 
@@ -196,14 +190,14 @@ def _numbers(
     try:
         return number_array(place, plain, shape=(None, *width), exact=True)
     except (TypeError, ValueError) as error:
-        raise TableFileError(f"{error}. Pass an image as a NumPy array") from error
+        raise ValueError(f"{error}. Pass an image as a NumPy array") from error
 
 
 def _content(name: str, path: FilePath) -> bytes:
     if str(path) == "-":
         return sys.stdin.buffer.read()
     if Path(path).is_char_device():  # it may never end
-        raise TableFileError(f"{name}: expected a file, got a device. Use - for input")
+        raise ValueError(f"{name}: expected a file, got a device. Use - for input")
     return Path(path).read_bytes()
 
 
@@ -240,7 +234,7 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
     except Exception as error:  # pandas, Astropy and XML parsers raise many types
         # The warning of Astropy names the table that it would read.
         reason = " ".join(str(error).split()).partition(", reading in")[0][:200]
-        raise TableFileError(
+        raise ValueError(
             f"{name}: expected columns of numbers ({reason}). Give sep if no comma separates them, "
             "or read another format with pandas or Astropy and pass the table"
         ) from error
@@ -305,7 +299,7 @@ def covariances(table: DataTable) -> FloatArray | None:
     ]
     for name in names:
         if name not in columns:
-            raise TableFileError(
+            raise ValueError(
                 f"{table.path}: expected sigma, or sigma_x and sigma_y, got no {name}. Add a "
                 "column"
             )

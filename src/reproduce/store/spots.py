@@ -17,7 +17,6 @@ from reproduce.physics.validate import FloatArray, Images, number_array
 from reproduce.store.points import (
     _LARGEST_NUMBER,
     DataTable,
-    TableFileError,
     is_table,
     read_table,
 )
@@ -74,7 +73,7 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
         series = frame.groupby(["group", "laser"])["x"]
         frame[label] = series.cumcount() + 1
         if series.size().groupby("group").nunique().max() > 1:
-            raise TableFileError(
+            raise ValueError(
                 f"{table.path}, column laser: expected equally many spots of each light, got "
                 "others. Add a column frame, a number for each image"
             )
@@ -90,7 +89,7 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
         spots[images, rows["laser"].astype(int) - 1] = rows[["x", "y"]]
         groups.append(spots)
     if not all(map(len, groups)):
-        raise TableFileError(
+        raise ValueError(
             f"{table.path}, column group: expected spots at the zero point (0) and at the present "
             "(1), got one group. Add the other"
         )

@@ -20,7 +20,7 @@ from reproduce.physics.registration import (
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.number import minus
 from reproduce.store.files import FilePath
-from reproduce.store.images import ImageError, is_image, read_image, reading
+from reproduce.store.images import is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
     STARS,
@@ -131,7 +131,7 @@ def stars(
         findings,
     )
     if not len(found):
-        raise ImageError(f"{name}: expected stars, got {found.log}")
+        raise ValueError(f"{name}: expected stars, got {found.log}")
     return found
 
 

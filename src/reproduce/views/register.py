@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import without_none
 from reproduce.store.files import FilePath
-from reproduce.store.images import are_separate
+from reproduce.store.images import is_image
 from reproduce.views.measurements import RegistrationResult
 
 if TYPE_CHECKING:
@@ -118,7 +118,11 @@ def register(
             "source: expected stars or an image, got None. Pass a table, an array or a file"
         )
     arguments = without_none(locals())
-    separate = are_separate(source, target)
+    pair = source, target
+    # Stars must be found or matched in two files, an image, or a result of `stars`.
+    separate = all(isinstance(one, FilePath) for one in pair) or any(
+        is_image(one) or hasattr(one, "rejected") for one in pair
+    )
     if separate and target is None:
         raise ValueError("target: expected another image or list, got none. Pass both")
     for name in arguments.keys() & (_FOR_STARS if separate else _FOR_IMAGES):

@@ -20,9 +20,10 @@ from reproduce.papers.charts import (
 )
 from reproduce.papers.chen2023.platform import (
     INSTRUMENT,
+    PIXEL,
     SIGMAS,
     TRACKER,
-    angle_of_one_pixel,
+    TRACKER_FOCAL_LENGTH,
     unit_rotations,
 )
 from reproduce.papers.declare import (
@@ -32,6 +33,7 @@ from reproduce.papers.declare import (
     reproduces,
 )
 from reproduce.physics.attitude import averaged_error, scatter_of_averages
+from reproduce.physics.optics import angle_from_pixels
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
@@ -122,7 +124,8 @@ def centroid_accuracy(inputs: Inputs) -> Results:
 @reproduces("chen2023/text-accuracy", cells=["angular-resolution"], inputs=TRACKER)
 def pixel_angle(inputs: Inputs) -> Results:
     """Return the angle of one pixel of the tracker, which the text quotes."""
-    return {"angular-resolution": angle_of_one_pixel(inputs)}
+    angle = angle_from_pixels(1, inputs[PIXEL], inputs[TRACKER_FOCAL_LENGTH])
+    return {"angular-resolution": angle}
 
 
 @draws("chen2023/table-4", inputs=INPUTS, random=True)

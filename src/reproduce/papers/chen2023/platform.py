@@ -24,7 +24,6 @@ from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.store.files import FilePath
-from reproduce.store.points import TableFileError
 
 SPOTS = "chen2023/text-platform#spot-*"
 DIAGONAL = "chen2023/text-hardware#laser-diagonal"
@@ -39,17 +38,13 @@ INSTRUMENT = (SPOTS, DIAGONAL, TELESCOPE, TRACKER_FOCAL_LENGTH, PIXEL, PIXELS)
 SIGMAS = 3.0
 
 
-def angle_of_one_pixel(inputs: Inputs) -> float:
-    """Return the angle of one pixel of the ground tracker, in radians."""
-    return float(angle_from_pixels(1, inputs[PIXEL], inputs[TRACKER_FOCAL_LENGTH]))
-
-
 @reproduces(
     "chen2023/table-2", cells=["tracker-angular-resolution.value"], inputs=TRACKER
 )
 def pixel_angle(inputs: Inputs) -> Results:
     """Compute the angle of one pixel from the pixel size and focal length of the tracker."""
-    return {"tracker-angular-resolution.value": angle_of_one_pixel(inputs)}
+    angle = angle_from_pixels(1, inputs[PIXEL], inputs[TRACKER_FOCAL_LENGTH])
+    return {"tracker-angular-resolution.value": angle}
 
 
 @reproduces("chen2023/text-platform", cells=["sd-*"], inputs=["chen2023/table-3"])
@@ -96,7 +91,7 @@ def platform_of(source: Platform | FilePath | None) -> Platform:
         return make(**table)
     except (TypeError, ValueError, RecursionError) as error:
         known = ", ".join(inspect.signature(make).parameters)
-        raise TableFileError(f"{source}: expected TOML of {known} ({error})") from error
+        raise ValueError(f"{source}: expected TOML of {known} ({error})") from error
 
 
 def square_ratio(design: Platform) -> float:
