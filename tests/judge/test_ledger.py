@@ -129,6 +129,12 @@ def test_a_reason_states_that_a_value_rounds_only_if_it_does(whole):
     for record in (r for r in whole.records if r.why.endswith(reason)):
         digits = replace(find(record.cell)[0].number, qualifier="")
         assert digits.overlaps(record.computed, record.computed), record.cell
+    about = [record for record in whole.records if "of the word" in record.why]
+    assert len(about) > 1
+    for record in about:
+        number = find(record.cell)[0].number
+        assert number.qualifier == record.why.rpartition(" ")[2], record.cell
+        assert abs(record.computed - number.value) > number.half_unit, record.cell
     assert not any("99%" in record.why for record in whole.records)
     # The meaning of the verdict applies to weak agreement too.
     assert reason not in LOOKS["exact"]["meaning"]

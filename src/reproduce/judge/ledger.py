@@ -275,9 +275,9 @@ def _why(cell: PrintedCell, reading: Reading) -> str:
         return f"{value}; {allowed}, which excludes the printed number"
     if (reading.share or 0) > 1 or "rounding" in reading.flags:
         return f"{value} does not round to the printed digits; {allowed}"
-    if cell.number.qualifier and "tolerance" in reading.flags:
-        return f"{value} is within the tolerance of the word {cell.number.qualifier}"
-    return f"{value} rounds to the printed digits"
+    if cell.number.rounds(reading.computed):
+        return f"{value} rounds to the printed digits"
+    return f"{value} is within the tolerance of the word {cell.number.qualifier}"
 
 
 def _table_record(evaluation: Evaluation) -> TableRecord:

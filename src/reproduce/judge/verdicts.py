@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable
 from typing import Literal, get_args
@@ -154,7 +153,7 @@ def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
     """
     return printed.qualifier in TOLERANT and (
         printed.half_width > _WIDE_TOLERANCE * abs(printed.value)
-        or not dataclasses.replace(printed, qualifier="").overlaps(value, value)
+        or not printed.rounds(value)
     )
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from functools import cached_property
 from math import inf
@@ -145,6 +145,16 @@ class PrintedNumber:
         size = max(self.half_width, abs(self.value) * 1e-3, 1e-12)
         tolerance = _FLOAT_TOLERANCE * size
         return low <= end + tolerance and high >= start - tolerance
+
+    def rounds(self, value: float) -> bool:
+        """Return whether `value` rounds to the printed digits, without the word *about*.
+
+        Examples
+        --------
+        >>> PrintedNumber("44.6", qualifier="about").rounds(44.69)
+        False
+        """
+        return replace(self, qualifier="").overlaps(value, value)
 
     def format(self, value: float, extra: int = 1) -> str:
         """Return `value` with `extra` decimals more than the printed number.
