@@ -336,7 +336,8 @@ def _draw_curves(
     looks = ("C0o-", "C1s--", "C2D-.", "C3^:")
     for (label, curve), look in zip(errors.items(), looks, strict=True):
         marks = [marked(curve)] if marked else []
-        axes.plot(angles, curve, look, markersize=9, markevery=marks, label=label)
+        size = 9 * len(marks)
+        axes.plot(angles, curve, look, markersize=size, markevery=marks, label=label)
     axes.set_xlabel("angular resolution (arcsec per px)")
     set_log_ticks(axes, (10, 20, 40, 80), (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2))
     return axes
