@@ -46,7 +46,7 @@ class _Printed(Frozen):
     stands_for: tuple[float | None, float | None] | None
     """interval of values that agree with the printed number; null if open or words"""
     role: Literal["result", "given"]
-    """result if a computation makes the cell"""
+    """result if a computation makes the cell, or the cell needs unpublished data"""
 
 
 class Record(Comparison, _Printed):

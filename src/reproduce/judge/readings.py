@@ -1,8 +1,8 @@
 """All readings of a printed cell: every combination of the options of its computation.
 
 The results of computations with random numbers and options are stored, because they are slow. The
-literal reading is always computed and compared with the stored result. A test recomputes a part of
-the other readings.
+literal reading is always computed and compared with the stored result, which the tables show. A
+test recomputes a part of the other readings.
 """
 
 from __future__ import annotations

@@ -70,7 +70,8 @@ def misalignment(
     Returns
     -------
     MisalignmentResult
-        Angles about the axes of the camera, image by image.
+        Angles about the axes of the camera. ``frame()`` returns their means with errors, and
+        ``images()`` the angles of each image.
 
     Raises
     ------

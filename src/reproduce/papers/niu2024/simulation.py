@@ -83,7 +83,11 @@ def half_ranges(inputs: Inputs) -> FloatArray:
 
 
 def _lattice(inputs: Inputs, name: str) -> FloatArray:
-    """Return the angles of one alternative with any count, shape (n, 2), in radians."""
+    """Return the angles of one alternative with any count, shape (n, 2), in radians.
+
+    The text of an alternative in ``data/captions/niu2024.toml`` is the name of its arrangement
+    for `arrangement_angles`. A change of the text changes the computation.
+    """
     half_x, half_y = half_ranges(inputs)
     return arrangement_angles(
         _OPTIONS["angles"][name].text,
