@@ -153,8 +153,12 @@ def test_changed_options_inputs_and_results_make_the_stored_readings_stale(monke
     """The literal reading is computed anew and compared."""
     again, before = readings.evaluate.__wrapped__, readings.fingerprint(CAMERA)
     fewer = {**CAMERA.options, "repeats": {"one": CAMERA.options["repeats"]["one"]}}
-    with pytest.raises(ValueError, match=f"other inputs or options; {STALE}"):
-        again(replace(CAMERA, options=fewer))
+    square = CAMERA.options["angles"]["square"]
+    moved = square.model_copy(update={"text": "quincunx"})
+    angles = {**CAMERA.options["angles"], "square": moved}
+    for options in (fewer, {**CAMERA.options, "angles": angles}):
+        with pytest.raises(ValueError, match=f"other inputs or options; {STALE}"):
+            again(replace(CAMERA, options=options))
     inputs = load_inputs(CAMERA.inputs)
     noise = replace(inputs.cells[simulation.NOISE], content=PrintedNumber("0.06"))
     with monkeypatch.context() as patched:

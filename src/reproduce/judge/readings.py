@@ -229,7 +229,11 @@ def fingerprint(computation: Computation) -> str:
     inputs = {a: cell.text for a, cell in load_inputs(computation.inputs).cells.items()}
     cells = library()[computation.key].cells
     printed = {c.address: c.shown for c in cells if computation.makes(c.name)}
-    options = [[*choices.items()] for choices in computation.readings]
+    # The text of an alternative may name an arrangement.
+    options = [
+        [name, *((choice, one.text) for choice, one in choices.items())]
+        for name, choices in computation.options.items()
+    ]
     content = [options, inputs, printed, computation.replicates, computation.entropy]
     return studies.digest(json.dumps(content).encode())
 
