@@ -133,8 +133,13 @@ def test_supplementary_tables_read_back_equal():
 
 
 def test_unknown_formats_are_named():
-    for call in (lambda: rp.table(KEY).export("xls"), lambda: cite(KEY, "apa")):
-        with pytest.raises(ValueError, match=r"^format: .*'(xls|apa)'"):
+    for call, named in (
+        (lambda: rp.table(KEY).export("xls"), "markdown, covariance, got 'xls'"),
+        (lambda: rp.table(STUDY).export("xls"), "markdown, got 'xls'"),
+        (lambda: rp.table("niu2024/table-2").export("covariance"), "got 'covariance'"),
+        (lambda: cite(KEY, "apa"), "'apa'"),
+    ):
+        with pytest.raises(ValueError, match=f"^format: .*{named}"):
             call()
     for call, argument in (
         (rp.cite, "address"),

@@ -93,7 +93,7 @@ def report(paper: str, form: str) -> dict[str, str]:
 def covariance(key: str) -> pd.DataFrame:
     """Return the covariance of the predicted cells of a table, in printed units.
 
-    The prediction is that of the literal reading. The table is empty without predicted cells.
+    The prediction is that of the literal reading.
     """
     draws: dict[str, Any] = {}
     for made in computations(key):

@@ -36,6 +36,7 @@ from reproduce.views._export import (
     export_frame,
     full_frame,
     provenance_of,
+    table_files,
 )
 from reproduce.views._readings import Readings
 from reproduce.views._study import StudyTable
@@ -223,6 +224,7 @@ class Table(ItemView, _Judged):
         printed, recomputed, and the ends of its interval. A group of quoted numbers has a row for
         each cell. JSON contains every field of the ledger. The covariance is between the cells.
         """
+        keys.check_choice("format", form, table_files(self.key).values())
         if form == "covariance":
             from reproduce.views._reports import covariance
 
