@@ -170,6 +170,8 @@ def test_the_state_of_a_reply_is_in_ledger_table_card_and_citation(monkeypatch):
     table, cell = rp.table("niu2024/table-3"), rp.table(asked)
     assert shown not in table._repr_html_() + cell.cite("sentence")
     assert "The authors' reply: none." in card(cell, "")
+    erratum = rp.table("niu2024/table-2#translation-x.red").export("markdown")
+    assert "none yet (page A letter to the authors of niu2024)" in erratum
     answered = expected(asked).model_copy(update={"reply": "disputed"})
     verdicts = {**frozen(), asked: answered}
     monkeypatch.setattr(ledger, "frozen", lambda: verdicts)

@@ -233,9 +233,10 @@ def qualified(record: Record) -> str:
 
 
 def replied(erratum: str, reply: str) -> Markup:
-    """Return the reply of the authors to an erratum, or a link to the letter to them."""
-    letter = link(f"letter-{erratum.partition('-')[0]}", "how to answer")
-    return escape(reply) or Markup("none yet; {}").format(letter)
+    """Return the reply of the authors to an erratum, or the page of the letter to them."""
+    paper = erratum.partition("-")[0]
+    letter = link(f"letter-{paper}", f"A letter to the authors of {paper}")
+    return escape(reply) or Markup("none yet (page {})").format(letter)
 
 
 def replied_state(record: Record) -> str:
