@@ -98,6 +98,7 @@ def test_latex_is_balanced(key):
     text = rp.table(key).export("latex")
     assert text.isascii()
     assert "nan &" not in text
+    assert r"\footnotesize \par" not in text
     label = rf"\label{{tab:{anchor(key)}}}"
     assert (label in text) is (key in library())
     body = "\n".join(line for line in text.splitlines() if line[:1] != "%")
