@@ -174,6 +174,8 @@ def test_options_with_a_change_have_no_verdict():
     found = rerun.Rerun("niu2024/table-3", seed=7, replicates=50, chosen=chosen)
     assert not found.is_reading
     assert not any(one.verdict for one in found.cells)
+    unchanged = repr(rp.table("niu2024/table-2").rerun())
+    assert "with no change: the printed inputs, without a verdict." in unchanged
 
 
 def test_changes_that_do_not_fit_are_named():

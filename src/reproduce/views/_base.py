@@ -213,7 +213,7 @@ def setting(
     subject: str, changes: Mapping[str, str], replaced: Mapping[str, float], remark: str
 ) -> str:
     """Return a sentence on changes and on the recomputed values that replaced printed ones."""
-    changed = ", ".join(map(" = ".join, changes.items())) or "nothing"
+    changed = ", ".join(map(" = ".join, changes.items())) or "no change"
     names = f" Recomputed values took the place of: {', '.join(replaced)}."
     return f"{subject} {changed}: {remark}.{names if replaced else ''}"
 

@@ -82,7 +82,8 @@ class Changed(Display):
     def blocks(self) -> list[Grid]:
         """Return the numbers and the changes, without empty columns."""
         result, value, hidden = self.result, "changed", ""
-        remark = "your setting, without a verdict"
+        chosen = "your setting" if result.changes else "the printed inputs"
+        remark = f"{chosen}, without a verdict"
         if result.is_reading:
             value, hidden = "computed", "unchanged"
             remark = "one reading of the text; the verdict of a cell is based on all readings"
