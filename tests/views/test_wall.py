@@ -115,6 +115,7 @@ REJECTED = {
     "expected": [("niu2024/table-3", NOISE, "0.2 px")],
     "different": [("niu2024/table-3", [NOISE] * 2, [["0.1 px", "0.2 px"]])],
     "scale.green": [(TABLE, FOCAL, ["25 mm"], ["scale.green"])],
+    "'rotation.red'": [(TABLE, FOCAL, ["25 mm"], ["rotation.red", "scale.red"])],
     "rows": [
         (STARS, NOISE, ["0.1 px"], [], {"Stars": 51}),
         (STARS, NOISE, ["0.1 px"], [], {"stars": 50}),

@@ -42,6 +42,11 @@ class Changed(Display):
         values ``replaced``.
     names : collection of str
         Names of the cells to show. Default: all cells.
+
+    Raises
+    ------
+    ValueError
+        If a cell is not computed.
     """
 
     def __init__(self, result: Rerun, names: Collection[str] = ()) -> None:
@@ -50,6 +55,10 @@ class Changed(Display):
         self.cells = [
             one for one in result.cells if not names or one.cell.name in names
         ]
+        if missing := {*names} - {one.cell.name for one in self.cells}:
+            raise ValueError(
+                f"cells: expected computed cells of {result.key}, got {min(missing)!r}"
+            )
 
     def frame(self) -> pd.DataFrame:
         """Return the printed, computed and changed values, and their difference.

@@ -207,6 +207,11 @@ class Table(ItemView, _Judged):
         -------
         Sweep
             One row per value, with a slider on a page.
+
+        Raises
+        ------
+        ValueError
+            If a value does not fit its cell, or a cell to show is not computed.
         """
         for name in cells:
             self[name]
