@@ -106,7 +106,9 @@ def test_the_smallest_set_of_options_that_decides_is_named():
     assert summary.agrees_if == ({"b": "y"},)
     assert summary.never == {"b": ("x", "z")}
     # A comma joins the choices of one reading.
-    assert deciding(summary).endswith("Never with b=x; or b=z")
+    assert deciding(summary).endswith("Always with b=y. Never with b=x; or b=z")
+    full = summary.model_copy(update={"agrees_if": summary.agrees_if * 4})
+    assert "b=y (at most four choices are listed). Never" in deciding(full)
 
 
 def test_readings_with_equal_verdicts_leave_the_verdict():

@@ -37,7 +37,7 @@ _STUDY = "readings"
 # Draws that rounding noise of another processor may move across the end of a printed interval.
 _NOISE_DRAWS = 4
 # Conditions of agreement that a summary lists.
-_MAX_CONDITIONS = 4
+MAX_CONDITIONS = 4
 
 
 class ReadingSummary(Frozen):
@@ -145,7 +145,7 @@ class Evaluation(NamedTuple):
             count=len(distinct),
             agreeing=sum(reading.agrees for reading in distinct),
             decided_by=decided_by[0],
-            agrees_if=tuple(conditions[:_MAX_CONDITIONS]),
+            agrees_if=tuple(conditions[:MAX_CONDITIONS]),
             never=never,
             closest=max(distinct, key=partial(self._closeness, name)),
         )

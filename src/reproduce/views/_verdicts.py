@@ -14,7 +14,7 @@ from reproduce.judge.ledger import (
     item_ledger,
     record_of,
 )
-from reproduce.judge.readings import ReadingSummary
+from reproduce.judge.readings import MAX_CONDITIONS, ReadingSummary
 from reproduce.judge.verdicts import VERDICTS, Flag
 from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import PrintedCell, anchor
@@ -206,6 +206,8 @@ def deciding(summary: ReadingSummary) -> str:
         return ""
     always = "; or ".join(map(choices_text, summary.agrees_if))
     text = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
+    if len(summary.agrees_if) == MAX_CONDITIONS:
+        text += " (at most four choices are listed)"
     never = [f"{n}={one}" for n, listed in summary.never.items() for one in listed]
     return f"{text}. Never with {'; or '.join(never)}" if never else text
 
