@@ -17,6 +17,7 @@ from numpy.testing import assert_allclose
 from PIL import Image
 from places import ROOT
 from pybtex.database import parse_string
+from simulated import star_table
 
 import reproduce as rp
 from reproduce import version
@@ -325,6 +326,17 @@ def test_a_user_setting_is_named_in_the_file():
     assert f"{FOCAL} = 70 mm" in setting
     assert json.loads(changed.export("json"))["setting"] == setting
     assert "# setting" not in rp.table(STUDY).export("csv")
+    count = "niu2024/text-simulation#angle-count"
+    figure = rp.figure("niu2024/fig-4").rerun({count: "41"})
+    for view, named in (
+        (changed, f"{FOCAL} = 70 mm"),
+        (figure, f"{count} = 41"),
+        (rp.posterior("registration", seed=5), "seed = 5"),
+    ):
+        assert f" (changed: {named})." in view.cite("text")
+        assert " (changed: " in view.cite()
+    stars = rp.posterior("registration", star_table(), priors={"scale": (0.9, 1.1)})
+    assert ", with other data (changed: prior of scale)." in stars.cite("text")
 
 
 def test_panels_are_saved_and_changed_together(tmp_path):

@@ -25,7 +25,7 @@ from reproduce.printed.inputs import Inputs
 from reproduce.views import _keys as keys
 from reproduce.views._blocks import Display, rendered
 from reproduce.views._export import export_frame, provenance_of, table_files
-from reproduce.views.citations import cite
+from reproduce.views.citations import cite, cite_item
 
 Change = Mapping[str, str | float]  # address of a printed cell to a value as printed
 
@@ -162,6 +162,11 @@ class Rerunnable(ItemView):
     def random(self) -> bool:
         """Whether it draws random numbers."""
         return self._declared.random
+
+    def cite(self, form: str = "bibtex") -> str:
+        """Return its citation, with its changes, and the citation of its paper."""
+        changes = ", ".join(map(" = ".join, self.changes.items()))
+        return cite_item(form, self.key, changes)
 
     def _setting(self, remark: str = "your setting") -> str:
         return (

@@ -76,30 +76,37 @@ def cite(address: Text, form: Text = "bibtex") -> str:
     if address == "all":
         return _written(form, "", _WHOLE, PAPERS)
     key, _, name = address.partition("#")
-    paper, _, topic = key.partition("/")
     if name and key in library():
         record = record_of(library()[key][name].address)
         if form == "sentence":
             return statement(record, "sentence.txt")
         text = statement(record)
-        return _written(form, address, text, [paper], mark(text))
-    place = keys.place(address).partition(",")[0]
-    if place.startswith("Supplementary"):
-        return cite_related(form, paper, key, f"{place} to")
-    keys.check_key(address)
-    if place == "Text":
-        place = f"the numbers quoted in the text ({topic})"
-    return cite_related(form, paper, key, f"Reproduction of {place} of")
+        return _written(form, address, text, [record.paper], mark(text))
+    return cite_item(form, address)
+
+
+def cite_item(form: str, key: str, changes: str = "") -> str:
+    """Return the citation of an item or a supplementary table, with its changes."""
+    paper, _, topic = key.partition("/")
+    place = keys.place(key).partition(",")[0]
+    relation = f"{place} to"
+    if not place.startswith("Supplementary"):
+        keys.check_key(key)
+        if place == "Text":
+            place = f"the numbers quoted in the text ({topic})"
+        relation = f"Reproduction of {place} of"
+    return cite_related(form, paper, key, relation, keys.title(key), changes)
 
 
 def cite_related(
-    form: str, paper: str, name: str, relation: str, title: str = ""
+    form: str, paper: str, name: str, relation: str, title: str, changes: str
 ) -> str:
     """Return the citation of an object with its relation to its paper, and of the paper.
 
-    `name` is its key, whose title is the default, or the name of a posterior.
+    `name` is its key or the name of a posterior.
     """
-    title = f"{relation} {_et_al(paper)}: {title or keys.title(name)}"
+    title = f"{relation} {_et_al(paper)}: {title}"
+    title += f" (changed: {changes})" * bool(changes)
     return _written(form, name, title, [paper])
 
 

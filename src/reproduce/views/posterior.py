@@ -460,7 +460,8 @@ class Posterior(ResultView):
             self.declared.paper,
             f"posterior-{self.name}",
             "Posterior of",
-            self.declared.title,
+            self.declared.title + ", with other data" * bool(self._table),
+            self.changes,
         )
 
     def rerun(self, **changes: Any) -> Posterior:
