@@ -40,14 +40,14 @@ def test_wrong_files_are_rejected_by_row_and_column():
     ):
         table = spot_table()
         table.loc[9, column] = value
-        with pytest.raises(match=message):
+        with pytest.raises(ValueError, match=message):
             rp.posterior(name, table)
     for column, message in (("frame", "row 4, column laser"), ("group", "one group")):
-        with pytest.raises(match=message):
+        with pytest.raises(ValueError, match=message):
             rp.posterior("misalignment", spot_table().assign(**{column: 1}))
     for name, declared in posteriors().items():
         if not declared.columns:
-            with pytest.raises(match=f"{name} takes no file"):
+            with pytest.raises(ValueError, match=f"{name} takes no file"):
                 rp.posterior(name, star_table())
 
 

@@ -153,7 +153,7 @@ def test_masked_entries_and_columns_of_other_kinds():
 def test_two_tables_of_matched_stars_give_the_fit_of_one():
     table = Table.from_pandas(STARS)
     source, target = table["x", "y"], table["x_reference", "y_reference"]
-    with pytest.raises(match=r"^target: .* x "):
+    with pytest.raises(ValueError, match=r"^target: .* x "):
         rp.register(source, target)
     wanted = rp.register(STARS).parameters
     assert_array_equal(rp.register(table.as_array()).parameters, wanted)
@@ -182,7 +182,7 @@ def test_arrays_with_masks_units_or_other_shapes_are_refused():
         (np.where(source == source[2, 1], None, source), "row 2, column y"),
         ([[1, 2], [3]], "unequal length"),
     ):
-        with pytest.raises(match=f"^source.*{place}"):
+        with pytest.raises(ValueError, match=f"^source.*{place}"):
             read_table(odd, COLUMNS, name="source")
 
 
@@ -198,7 +198,7 @@ def test_sigma_and_weight_columns_are_those_of_the_fit(tmp_path):
         ({"sigma": -sigma}, "row 0, column sigma"),
         ({"sigma_x": sigma}, "sigma_y"),
     ):
-        with pytest.raises(match=place):
+        with pytest.raises(ValueError, match=place):
             rp.register(STARS.assign(**wrong))
     with pytest.raises(ValueError, match=r"^weights: "):
         rp.register(STARS.assign(**sides), weights=weights)
