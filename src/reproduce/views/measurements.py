@@ -46,10 +46,10 @@ def misalignment(
     """Return the misalignment of your camera since the zero point, from spots of its lights.
 
     ``findings`` names a displaced light, a pattern of another size, a spot far from its place in
-    other images, repeated images, correlated images and groups of other noise. The last two, and a
-    chi-square above 1, change the standard errors. Few images show a correlation only in part: if a
-    strong motion with a correlation of 0.7 is common to all spots, 95 % intervals about X and Y
-    cover about 85 % for two groups of 8 images, 87 % for 12 and 90 % for 30.
+    other images, repeated images, correlated images and groups of unequal noise. The last two,
+    and a chi-square above 1, change the standard errors. Few images show a correlation only in
+    part: if a strong motion with a correlation of 0.7 is common to all spots, 95 % intervals about
+    X and Y cover about 85 % for two groups of 8 images, 87 % for 12 and 90 % for 30.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ class Diagnosis:
         ``high``: its central 95 % without a fault. ``residual_rms``: of the residuals, in px.
     widening : float
         Factor on the standard error of mean angles for equal noise: of correlated images and of
-        groups of other noise, also if they are too uncertain for a finding, and the root of a
+        groups of unequal noise, also if they are too uncertain for a finding, and the root of a
         `chi_square` above 1.
     freedom : float
         Upper limit of the degrees of freedom of the standard error.
