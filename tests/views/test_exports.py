@@ -100,6 +100,9 @@ def test_latex_is_balanced(key):
     assert text.isascii()
     assert "nan &" not in text
     assert r"\footnotesize \par" not in text
+    if key in library():
+        results = any(r.computed is not None for r in item_ledger(key).records)
+        assert ("recomputed in" in text) is results
     label = rf"\label{{tab:{anchor(key)}}}"
     assert (label in text) is (key in library())
     body = "\n".join(line for line in text.splitlines() if line[:1] != "%")
