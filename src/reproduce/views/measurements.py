@@ -82,7 +82,7 @@ def misalignment(
     return MisalignmentResult(spots, zero, platform, sep)
 
 
-class UserResult(Display):
+class _UserResult(Display):
     """Result for your data: numbers, warnings, and the same function for other arguments."""
 
     title: str
@@ -141,7 +141,7 @@ class UserResult(Display):
         return self.call(**changes)
 
 
-class RegistrationResult(UserResult):
+class RegistrationResult(_UserResult):
     """The transform that maps source stars onto the same stars of a target.
 
     A source point at the offset q from the pivot is mapped to pivot - shift + k R(rotation) q. The
@@ -318,7 +318,7 @@ def _ends(ends: Iterable[float], error: float) -> str:
     return " to ".join(between(end, error) for end in ends)
 
 
-class MisalignmentResult(UserResult):
+class MisalignmentResult(_UserResult):
     """Misalignment of your camera in each image, from the spots of its lights.
 
     The warnings are ``findings``, with sentences in ``remarks``. ``diagnosis`` contains
