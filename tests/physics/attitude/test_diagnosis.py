@@ -246,6 +246,32 @@ def test_groups_of_other_noise_are_named_and_widen_intervals():
     assert np.mean(inside) > 0.92
 
 
+@pytest.mark.parametrize("moved_axes", [[1, 0], [1, 1]])
+def test_equal_motions_of_all_spots_are_no_other_noise(moved_axes):
+    """A vibration about one axis has half the degrees of freedom of independent coordinates."""
+    rng, named = default_rng(0), 0
+    for _ in range(400):
+        images = [
+            one + 10 * NOISE * rng.normal(size=(8, 1, 2)) * moved_axes
+            for one in drawn(SQUARE, 8, rng)
+        ]
+        kinds = [one.kind for one in diagnose_spots(SQUARE, images).findings]
+        named += "uneven" in kinds
+    assert named < 2
+
+
+def test_images_without_spots_do_not_count():
+    rng = default_rng(7)
+    zero, present = drawn(SQUARE, 6, rng)
+    zero += 20 * NOISE * rng.normal(size=(6, 1, 2))
+    zero[3:] = np.nan
+    with_lost, without = (
+        diagnose_spots(SQUARE, (group, present)) for group in (zero, zero[:3])
+    )
+    assert with_lost.widening == without.widening
+    assert with_lost.freedom == without.freedom
+
+
 def test_a_motion_of_short_series_widens_intervals_without_a_finding():
     """The correlation of eight images is uncertain; intervals stay far below a full circle."""
     rng, inside, named = default_rng(1), [], 0

@@ -173,7 +173,8 @@ def diagnose_spots(
         np.nan_to_num(group - mean).reshape(len(group), -1)
         for group, mean in zip(images, means, strict=True)
     ]
-    spares, sizes = 2 * (counts - 1).sum(axis=1), np.array([*map(len, images)])
+    # Without the images that lack all spots.
+    spares, sizes = 2 * (counts - 1).sum(axis=1), counts.max(axis=1)
     squares = np.array([np.square(group).sum() for group in series])
     noise, freedom = _UNKNOWN_NOISE_PX, _KNOWN_FREEDOM
     if spare := int(spares.sum()):
@@ -182,8 +183,10 @@ def diagnose_spots(
     if spares.all() and not drifts:
         each = np.maximum((squares / spares) ** 0.5, _MIN_NOISE_PX)
         low, high = np.argsort(each)
-        # The spots of an image may move together.
-        free = 2 * (sizes - 1)
+        # The spots of an image may move together, in both directions or in one.
+        scatter = sum(group.T @ group for group in series)
+        size = max(np.linalg.norm(scatter), np.finfo(float).tiny)
+        free = (sizes - 1) * min((scatter.trace() / size) ** 2, 2.0)
         chance = 2 * fdtrc(free[high], free[low], (each[high] / each[low]) ** 2)
         if chance < _WIDE_ALARM:
             noises, freedom, parts = each, spares.min(), each**2 / sizes
