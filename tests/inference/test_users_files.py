@@ -51,6 +51,12 @@ def test_wrong_files_are_rejected_by_row_and_column():
                 rp.posterior(name, star_table())
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_too_few_stars_are_counted(count):
+    with pytest.raises(ValueError, match=f"expected at least 4 points, got {count}"):
+        rp.posterior("registration", star_table().head(count))
+
+
 def test_priors_follow_the_data_and_not_the_paper():
     """In a field ten times as large the priors in px are ten times as wide."""
     widths = []

@@ -27,7 +27,6 @@ from reproduce.inference.models.registration import (
 )
 from reproduce.physics.registration import (
     Problem,
-    RegistrationFit,
     as_complex,
     as_points,
     fit_problem,
@@ -156,11 +155,6 @@ class MixtureRegistration(GaussianRegistration):
     def agreeing(self) -> BoolArray:
         """The stars that the robust fit does not reject, (points,)."""
         return fit_problem(self.problem, robust=True).weights > 0
-
-    @cached_property
-    def fit(self) -> RegistrationFit:
-        """The fit of the stars that agree."""
-        return fit_problem(self.problem.rows(self.agreeing))
 
     def start(self) -> Estimate:
         """Return the fit of the stars that agree, and the fraction of the others."""

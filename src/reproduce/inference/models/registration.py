@@ -35,7 +35,7 @@ from reproduce.physics.registration import (
     fit_problem,
     rmse,
 )
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import BoolArray, FloatArray
 from reproduce.units import DEGREES_PER_RADIAN
 
 TRANSFORM = MODELS["similarity"]
@@ -86,9 +86,14 @@ class GaussianRegistration(Likelihood):
         return self.problem.pivot
 
     @cached_property
+    def agreeing(self) -> BoolArray:
+        """The stars that are rightly matched, (points,): all stars."""
+        return np.ones(len(self.source), dtype=bool)
+
+    @cached_property
     def fit(self) -> RegistrationFit:
-        """The fit of the stars that are rightly matched: of all stars."""
-        return fit_problem(self.problem)
+        """The fit of the stars that are rightly matched."""
+        return fit_problem(self.problem.rows(self.agreeing))
 
     @property
     def is_linear(self) -> bool:
@@ -369,14 +374,14 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
     >>> print(model.parameters[1].prior)
     uniform from -3.14159 to 3.14159
     """
-    fit = likelihood.fit
-    count = len(fit.residuals)
-    least = (likelihood.size + 1) // 2 + (0 if fit.errors_known else 2)
+    count = np.count_nonzero(likelihood.agreeing)
+    least = (likelihood.size + 1) // 2 + (0 if likelihood.problem.errors_known else 2)
     if count < least:
         raise ValueError(
             f"source: expected at least {least} points, got {count}. Add stars, or give their "
             "errors"
         )
+    fit = likelihood.fit
     if not fit.errors_known and fit.is_exact:
         raise ValueError(
             "target: expected points with noise, got points that fit without any error. Use "
