@@ -6,7 +6,7 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize, minimize_scalar
 
-from reproduce.physics.images import fitted_spots, spot_windows
+from reproduce.physics.images import cramer_rao_variance, fitted_spots, spot_windows
 from reproduce.physics.images.spots import _gradient
 
 RADIUS, NOISE = 0.8, 10.0
@@ -120,6 +120,20 @@ def test_pixels_that_are_not_finite_do_not_count(missing):
     inside = (found[:, 0] > 1) & (narrow[:, 0] > 1)
     assert inside.sum() > 15
     assert_allclose(found[inside], narrow[inside], rtol=0, atol=1e-6)
+
+
+def test_errors_of_any_flux_follow_its_root():
+    """Squares of the larger flux overflow."""
+    dim, bright = (
+        fitted_spots(spot_windows([4.2, 4.1], flux, 1.0, [0, 0], 9), (0, 0), 1.0)
+        for flux in (1e20, 1e200)
+    )
+    assert_allclose(bright.centre, [4.2, 4.1])
+    assert_allclose(
+        1e180 * np.diagonal(bright.covariance), np.diagonal(dim.covariance), rtol=1e-6
+    )
+    least = cramer_rao_variance([4.2, 4.1], 1e200, 1.0, [0, 0], 9)
+    assert_allclose(np.diagonal(bright.covariance), least, rtol=1e-6)
 
 
 def test_one_column_of_pixels_does_not_determine_x():

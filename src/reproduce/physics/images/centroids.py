@@ -185,7 +185,7 @@ def cramer_rao_variance(
     slopes = _gradient(state, radius, size, size)
     noise = slopes[..., 2, :, :] + read_noise[..., None, None] ** 2
     weights = 1 / np.maximum(noise, _LEAST_VARIANCE)
-    information = np.einsum("...kyx,...lyx,...yx->...kl", slopes, slopes, weights)
+    information = np.einsum("...kyx,...yx,...lyx->...kl", slopes, weights, slopes)
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
 

@@ -301,7 +301,7 @@ def _optimum(
         spot = slopes[:, 2]
         weights = seen[rows] / (spot + variance[rows, None, None])
         score = np.einsum("nkyx,nyx->nk", slopes, (light[rows] - spot) * weights)
-        matrix = np.einsum("nkyx,nlyx,nyx->nkl", slopes, slopes, weights)
+        matrix = np.einsum("nkyx,nyx,nlyx->nkl", slopes, weights, slopes)
         firm = matrix * (1 + _RIDGE * unit) + np.finfo(float).tiny * unit
         step = np.linalg.solve(firm, score[..., None])[..., 0]
         found = (np.abs(step) < _CONVERGED).all(axis=1)
