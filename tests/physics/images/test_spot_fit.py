@@ -136,6 +136,17 @@ def test_errors_of_any_flux_follow_its_root():
     assert_allclose(np.diagonal(bright.covariance), least, rtol=1e-6)
 
 
+def test_few_narrow_spots_with_missing_pixels_have_no_fit():
+    """Full steps or half steps alternate between two places for 0.8 % of them."""
+    rng = default_rng(2)
+    places = rng.uniform(2, 4, (5000, 2))
+    windows = rng.poisson(spot_windows(places, 1000.0, 0.3, [0, 0], 7))
+    windows = windows + rng.normal(0, 3, windows.shape)
+    windows[rng.random(windows.shape) < 0.2] = np.nan
+    fitted = fitted_spots(windows, (0, 0), 0.3, 3.0)
+    assert np.isnan(fitted.light).sum() < 30
+
+
 def test_one_column_of_pixels_does_not_determine_x():
     window = np.where(np.arange(9) == 4, scene("faint", 9, 1)[0], np.nan)
     wide, narrow = fitted_spots(window, [0, 0], RADIUS, NOISE).covariance.diagonal()

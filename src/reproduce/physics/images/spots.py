@@ -175,8 +175,8 @@ def _gradient(
     return down[..., :, None] * across[..., None, :]
 
 
-# Steps of a fit, at most: between two spots it takes hundreds. Later steps have half the length,
-# because full steps may alternate between two places.
+# Steps of a fit, at most: between two spots it takes hundreds. Later steps become shorter, because
+# full steps may alternate between two places.
 _MAX_STEPS, _FULL_STEPS = 1000, 50
 # Longest step, and step at which a fit has converged, in px and as fractions of the flux.
 _LONGEST_STEP, _CONVERGED = 0.5, 1e-8
@@ -308,7 +308,7 @@ def _optimum(
         information[rows[found]] = firm[found]
         step = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
         step[:, 2] *= state[rows, 2]
-        state[rows] += step if number < _FULL_STEPS else step / 2
+        state[rows] += step * min(1.0, _FULL_STEPS / (number + 1)) ** 0.5
         away = np.abs(state[rows, :2] - (half - 0.5))
         rows = rows[~found & (away < half + _OUTSIDE_PX).all(axis=1)]
     state[np.isnan(information[:, 0, 0])] = np.nan
