@@ -28,6 +28,13 @@ def test_known_stars_stand_where_they_should(number):
     assert magnitudes[row] == pytest.approx(magnitude, abs=0.06)
 
 
+def test_entries_without_a_place_are_no_stars():
+    """The catalogue has 9,110 entries; 14 of them are novae, clusters and nebulae."""
+    numbers, directions, _ = measured.bright_stars()
+    assert numbers.max() == 9110
+    assert len(numbers) == len(directions) == 9110 - 14
+
+
 def test_vega_is_as_bright_as_its_calibration_says():
     """3.47e-9 erg/(s cm^2 angstrom) at 555.6 nm (Megessier 1995), in photons; V of the Sun."""
     wavelength, vega = measured.spectra()["vega"]

@@ -43,6 +43,7 @@ def test_a_full_pixel_holds_no_more():
 
 def test_the_noise_of_a_dark_pixel_has_three_parts():
     assert SENSOR.noise_electrons() == pytest.approx(np.sqrt(30 + 81 + 1 / 12 / 0.64))
+    assert Detector(read_noise=2.0).noise_electrons() == 2.0
 
 
 @pytest.mark.parametrize(

@@ -106,6 +106,9 @@ def test_starting_values_are_the_truth_without_noise():
     target_zero = PIVOT - TRUTH.shift
     start = starting_values(source, line, PIVOT, target_zero)
     assert_allclose(start, (1.0, *TRUTH.parameters[1:]), atol=1e-12)
+    several = starting_values([source, source + 50], [line, line + 50], PIVOT, PIVOT)
+    one = starting_values(source, line, PIVOT, PIVOT)
+    assert_allclose(several, [one, one], atol=1e-12)
 
 
 def test_two_line_rotation_takes_the_short_way_round():
