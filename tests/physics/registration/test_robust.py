@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from simulated import PIVOT, SHIFT, TRUTH, stars
 
-from reproduce.physics.registration import MODELS, fit_registration
+from reproduce.physics.registration import MODELS, Registration, fit_registration
 
 
 @pytest.mark.parametrize("known", ["covariances", "weights"])
@@ -37,6 +37,14 @@ def test_few_right_points_are_kept(model):
         source, target = stars(count, truth=SHIFT, batch=(200,))
         fit = fit_registration(source, target, PIVOT, model=model, robust=True)
         assert fit.rejected.mean() < 0.01
+
+
+def test_wrong_matches_of_a_turned_field_are_rejected():
+    truth = Registration("similarity", np.array([1.1, 2.0, 30.0, -20.0]), PIVOT)
+    source, target = stars(40, wrong=15, truth=truth)
+    fit = fit_registration(source, target, PIVOT, robust=True)
+    assert fit.rejected.sum() >= 14
+    assert np.abs((fit.parameters - truth.parameters) / fit.standard_errors).max() < 5
 
 
 def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(monkeypatch):
