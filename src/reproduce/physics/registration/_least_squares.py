@@ -91,6 +91,8 @@ class Problem:
         transform = self.transform(parameters)
         residuals = self.target - transform.apply(points)
         carry = transform.derivative(points)
+        if not self.errors_known:  # the points are those of the source
+            return residuals, self.target_covariance, carry
         moved = (carry @ (self.source - points)[..., None])[..., 0]
         total = self.target_covariance + carry @ self.source_covariance @ carry.mT
         return residuals - moved, np.asarray(np.linalg.inv(total), np.float64), carry

@@ -301,8 +301,9 @@ def _whitened(
     problem: Problem, parameters: FloatArray, points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return factors, (..., n, 2, 2), and the residuals that they scale to variance one."""
-    residuals, information, _ = problem.linearized(parameters, points)
-    factor = np.linalg.cholesky(information).mT
+    residuals, factor, _ = problem.linearized(parameters, points)
+    if problem.errors_known:
+        factor = np.asarray(np.linalg.cholesky(factor).mT, dtype=np.float64)
     factor = np.sqrt(problem.counts)[..., None, None] * factor
     return factor, (factor @ residuals[..., None])[..., 0]
 
