@@ -207,7 +207,7 @@ def _of_constants() -> dict[str, str]:
 
 
 def _of_evidence() -> dict[str, str]:
-    """Return the counts of the studies of the audit, and the times of the pages, by name."""
+    """Return the counts of the studies of the audit, and the size of the archive, by name."""
     planted = stored.table("planted-slips")
     seen = planted["relation"] | planted["verdict"]
     found = {
@@ -219,16 +219,11 @@ def _of_evidence() -> dict[str, str]:
     for row in stored.table("withdrawn").itertuples():
         found[f"{row.what}-listed"] = str(row.listed)
         found[f"{row.what}-withdrawn"] = str(row.withdrawn)
-    seconds = stored.table("page-times")["seconds"]
     (taken,) = stored.table("installed").itertuples()
     return found | {
         "notebooks-packages": str(taken.packages),
         "notebooks-size": f"{taken.megabytes}\u202fMB",
         "notebooks-minutes": f"{taken.minutes}\u202fmin",
-        "pages": str(len(seconds)),
-        "pages-quick": str((seconds < 10).sum()),
-        "pages-longest": f"{seconds.max():.0f}\u202fs",
-        "pages-all": f"{seconds.sum() / 60:.0f}\u202fmin",
     }
 
 
