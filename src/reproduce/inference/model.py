@@ -240,8 +240,7 @@ class Likelihood(Protocol):
 class Parameter:
     """One parameter of a model.
 
-    - `name`: name in tables and files, such as ``shift-x``.
-    - `label`: symbol for axes, in TeX without dollar signs.
+    - `name`: name in tables, figures and files, such as ``shift-x``.
     - `unit`: displayed unit.
     - `prior`: prior, in SI units or px.
     - `shown`: displayed units per SI unit, such as ARCSEC_PER_RADIAN.
@@ -252,7 +251,6 @@ class Parameter:
     """
 
     name: str
-    label: str
     unit: str
     prior: Prior
     shown: float = 1.0

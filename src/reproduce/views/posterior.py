@@ -371,9 +371,8 @@ class Posterior(ResultView):
             name: known[check_choice("names", name, known)]
             for name in names or model.names
         }
-        symbols = {p.name: f"${p.label}$" for p in model.parameters}
         labels = {
-            name: symbols.get(name, name.replace(" ", "\n", 1)) + _in_brackets(one.unit)
+            name: name.replace(" ", "\n", 1) + _in_brackets(one.unit)
             for name, one in draws.items()
         }
         kind, marks = "truth of the simulation", self.truth

@@ -197,10 +197,9 @@ class SpotLikelihood(Likelihood):
         }
 
 
-def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
+def _angles(name: str, prior: Prior) -> tuple[Parameter, ...]:
     return tuple(
-        Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC_PER_RADIAN)
-        for a in "xyz"
+        Parameter(f"{name}-{a}", "arcsec", prior, ARCSEC_PER_RADIAN) for a in "xyz"
     )
 
 
@@ -225,14 +224,14 @@ def misalignment_model(likelihood: SpotLikelihood) -> Model:
         Parameters mount-x..z, angle-x..z (rad, at the mean time of the group), drift-x..z (over the
         whole group, if it drifts), laser-scale and noise (px).
     """
-    angles = _angles("angle", r"\theta", _MISALIGNMENT_PRIOR)
+    angles = _angles("angle", _MISALIGNMENT_PRIOR)
     if likelihood.drifts:
-        angles += _angles("drift", r"\dot\theta", _MISALIGNMENT_PRIOR)
+        angles += _angles("drift", _MISALIGNMENT_PRIOR)
     mount = Normal(
         0.0,
         _MOUNT_SIGMA,
         "the zero attitude is fitted to the spots first, so only the misfit of the design "
-        "remains: a quarter of a degree is generous",
+        "remains: five milliradians are generous",
     )
     scale = Normal(
         1.0,
@@ -245,10 +244,10 @@ def misalignment_model(likelihood: SpotLikelihood) -> Model:
         "from far finer than any centroid to a whole pixel, no scale preferred",
     )
     parameters = (
-        *_angles("mount", r"\alpha", mount),
+        *_angles("mount", mount),
         *angles,
-        Parameter("laser-scale", "s", "1", scale),
-        Parameter("noise", r"\sigma", "px", noise),
+        Parameter("laser-scale", "1", scale),
+        Parameter("noise", "px", noise),
     )
     name = "misalignment-drift" if likelihood.drifts else "misalignment"
     return Model(name, parameters, likelihood)

@@ -55,8 +55,8 @@ class DistortedRegistration(GaussianRegistration):
 
     name = "registration-distortion"
     extra = (
-        Parameter("source-distortion", "d_s", "px", DISTORTION_PRIOR),
-        Parameter("target-distortion", "d_t", "px", DISTORTION_PRIOR),
+        Parameter("source-distortion", "px", DISTORTION_PRIOR),
+        Parameter("target-distortion", "px", DISTORTION_PRIOR),
     )
 
     def places(self, parameters: FloatArray, source: FloatArray) -> FloatArray:
@@ -93,7 +93,6 @@ class MixtureRegistration(GaussianRegistration):
     extra = (
         Parameter(
             "false-share",
-            "f",
             "1",
             Uniform(
                 0.0,

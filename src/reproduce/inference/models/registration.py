@@ -45,13 +45,6 @@ _MAX_VALUES = 1_000_000
 _NOISE_SEED = 52
 # Half-width of flat priors, in standard errors.
 _STANDARD_ERRORS = 1e6
-_SYMBOLS = {
-    "scale": "k",
-    "rotation": r"\theta",
-    "shift-x": r"\Delta x",
-    "shift-y": r"\Delta y",
-    "noise": r"\sigma",
-}
 _UNITS = UNITS | {"rotation": "deg", "noise": "px"}
 
 
@@ -282,10 +275,10 @@ class GaussianRegistration(Likelihood):
 
 
 def registration_parameter(name: str, prior: Prior, scale: str = "") -> Parameter:
-    """Return a parameter of a registration, with its symbol and unit."""
-    label, unit = _SYMBOLS.get(name, f"a_{{{name}}}"), _UNITS.get(name, "1")
+    """Return a parameter of a registration, with its unit."""
+    unit = _UNITS.get(name, "1")
     shown = DEGREES_PER_RADIAN if unit == "deg" else 1.0
-    return Parameter(name, label, unit, prior, shown, scale=scale)
+    return Parameter(name, unit, prior, shown, scale=scale)
 
 
 def registration_model(likelihood: GaussianRegistration) -> Model:

@@ -21,7 +21,7 @@ from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 _WHITE = LogUniform(
     0.03 * RADIANS_PER_ARCSEC,
     3.0 * RADIANS_PER_ARCSEC,
-    "no scale preferred about a tenth of a pixel",
+    "no scale preferred about 1 % of a pixel",
 )
 _STATE = LogUniform(
     3e-3 * RADIANS_PER_ARCSEC,
@@ -47,8 +47,8 @@ def averaging(inputs: Inputs, axis: str) -> Model:
     return Model(
         f"averaging-{axis}",
         (
-            Parameter("white", r"\sigma_w", "arcsec", _WHITE, ARCSEC_PER_RADIAN),
-            Parameter("floor", r"\sigma_f", "arcsec", floor, ARCSEC_PER_RADIAN, 0.0),
+            Parameter("white", "arcsec", _WHITE, ARCSEC_PER_RADIAN),
+            Parameter("floor", "arcsec", floor, ARCSEC_PER_RADIAN, 0.0),
         ),
         likelihood,
     )
@@ -65,8 +65,8 @@ def _stage(inputs: Inputs) -> Model:
     return Model(
         "stage",
         (
-            Parameter("focal-length", "f", "mm", length, 1e3),
-            Parameter("noise", r"\sigma", "arcsec", _STATE, ARCSEC_PER_RADIAN),
+            Parameter("focal-length", "mm", length, 1e3),
+            Parameter("noise", "arcsec", _STATE, ARCSEC_PER_RADIAN),
         ),
         likelihood,
         likelihood.interchanged,
