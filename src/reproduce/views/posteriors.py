@@ -196,7 +196,7 @@ def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> dict[str, Entry]
         "replicates": f"{least['replicates']:,}",
         "failed": str(least["failed"]),
         "quantities": str(len(stored)),
-        "smallest p (even)": digits(least["even"], least["even_error"]),
+        "smallest p (uniform)": digits(least["even"], least["even_error"]),
         "95 % covers": f"{wide.min():.1f} to {wide.max():.1f} %",
         **{
             f"sd {percentage} % too small leaves its band": percent(
