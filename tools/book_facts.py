@@ -159,7 +159,6 @@ def _of_cell(record: Record) -> Iterator[tuple[str, str]]:
         return
     yield "readings", str(summary.count)
     yield "agreeing", str(summary.agreeing)
-    yield "agrees-if", str(shown["agrees with"])
     others = {"closest-computed": summary.closest}
     found = evaluate(made).cells[record.printed_cell.name]
     for choices, reading in zip(made.readings, found, strict=True):
