@@ -62,9 +62,7 @@ class Readings(Display):
             return [f"{self.key} has one reading."]
         caption = (
             f"All {len(frame):,} readings of {table.place}. Bold: the printed number agrees. A "
-            "predicted cell has its probability, any other cell its computed value. A probability "
-            "of 0, and a joint p of 1/(n + 1), mean that none of n simulations is as far from the "
-            "prediction."
+            "predicted cell has its probability, any other cell its computed value."
         )
         columns = {name: frame[name] for name in options(self.key) if name in frame}
         for name in (name for name in map(str, frame) if f"{name} agrees" in frame):
@@ -77,6 +75,10 @@ class Readings(Display):
         columns["cells that agree"] = frame["agreeing"].map(str)
         if "joint p" in frame:
             columns["joint p"] = frame["joint p"].map("{:.2g}".format)
+            caption += (
+                " A probability of 0, and a joint p of 1/(n + 1), mean that none of n simulations "
+                "is as far from the prediction."
+            )
         return [
             Grid.of(
                 caption,
