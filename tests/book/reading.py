@@ -20,7 +20,8 @@ RAW_MATHEMATICS = """() => [...document.querySelectorAll('.math')]
     .filter(e => !e.querySelector('mjx-container')
         || e.querySelector('[data-mjx-error], [data-mml-node="merror"], [fill="red"]'))
     .map(e => e.textContent.trim().slice(0, 80))"""
-# Elements that are wider than the column of text, unless a box inside the article scrolls.
+# Elements that are wider than the column of text, or in a wide table than the window, unless a box
+# inside the article scrolls.
 OVERFLOWING = """() => {
     const scrolls = e => e.tagName !== 'ARTICLE' &&
         (/auto|scroll/.test(getComputedStyle(e).overflowX) || scrolls(e.parentElement));
@@ -28,7 +29,8 @@ OVERFLOWING = """() => {
     const edge = Math.min(innerWidth, column.getBoundingClientRect().right) + 1;
     const out = [...document.querySelectorAll('article *')].filter(e => {
         const box = e.getBoundingClientRect();
-        return box.width && box.right > edge && !scrolls(e);
+        const last = e.closest('.tag_full-width') ? innerWidth : edge;
+        return box.width && box.right > last && !scrolls(e);
     }).map(e => e.tagName.toLowerCase() + ' ' + e.className);
     const root = document.documentElement;
     return root.scrollWidth > root.clientWidth ? ['page is wider than the window', ...out] : out;
