@@ -35,6 +35,8 @@ _HOT_SIGMAS, _HOT_FRACTION = 10.0, 0.1
 # Side of the boxes of the background, in px. Images whose sides are longer than 768 px are sampled
 # at each third pixel.
 _BOX_PX, _STRIDE, _LARGE_PX = 64, 3, 768
+# Percentile of normal numbers that is a standard deviation above their median.
+_SIGMA_PERCENT = 84.13
 # Spots at most, the brightest; and spots that determine the radius and the gain.
 _MAX_SPOTS, _MAX_TYPICAL = 20_000, 100
 # Half side of a window, reach of the tail of a neighbour, and weights of moments, in radii.
@@ -193,7 +195,7 @@ def _without_background(image: Pixels) -> tuple[Pixels, Pixels]:
 
     The noise is that of the image minus a first background: a slope within a box is no noise.
     """
-    from photutils.background import Background2D, BiweightScaleBackgroundRMS
+    from photutils.background import Background2D
     from scipy.ndimage import median_filter, zoom
 
     stride = _STRIDE if min(image.shape) > _LARGE_PX else 1
@@ -218,12 +220,13 @@ def _without_background(image: Pixels) -> tuple[Pixels, Pixels]:
             mask=np.isnan(thinned_light),
             exclude_percentile=90.0,
             filter_size=1,
-            bkg_rms_estimator=BiweightScaleBackgroundRMS(),
         )
         light -= enlarged(background.background_mesh)
     # Rounding to whole numbers is noise, too.
     rounding = float(np.diff(values).min()) / np.sqrt(12)
     noise = np.maximum(background.background_rms_mesh, rounding)
+    if np.mean(subset == values[0]) > 0.5:  # numbers below the sky are clipped
+        noise = np.maximum(noise, np.nanpercentile(thinned_light, _SIGMA_PERCENT))
     peak = float(np.nanmax(thinned_light))
     if noise.min() <= np.finfo(float).eps * peak:  # an image without noise
         noise = np.maximum(noise, 1e-3 * peak)
@@ -232,7 +235,7 @@ def _without_background(image: Pixels) -> tuple[Pixels, Pixels]:
 
 
 def _remove_hot_pixels(light: Pixels, noise: Pixels) -> None:
-    """Set bright pixels to NaN if their neighbours have almost no flux."""
+    """Set dead pixels, and bright pixels whose neighbours have almost no flux, to NaN."""
     from scipy.ndimage import maximum_filter
 
     ring = np.arange(9).reshape(3, 3) != 4
@@ -240,6 +243,7 @@ def _remove_hot_pixels(light: Pixels, noise: Pixels) -> None:
     beside = maximum_filter(light, footprint=ring)[bright]
     faint = np.maximum(_HOT_FRACTION * light[bright], 3 * noise[bright])
     light[bright] = np.where(beside < faint, np.nan, light[bright])
+    light[light < -_HOT_SIGMAS * noise] = np.nan
 
 
 def _detected(light: Pixels, limit: Pixels) -> tuple[IntArray, float]:
@@ -293,7 +297,7 @@ class _SpotFit:
         spots = fitted_spots(gain * pixels, corners, radius, gain * noise)
         self.centre, self.covariance = spots.centre, spots.covariance
         self.flux, self.left = spots.light / gain, spots.residuals / gain
-        self.pixels, self.model = pixels, pixels - self.left
+        self.pixels, self.model = pixels, np.maximum(pixels - self.left, 0)
         self.dark = np.square(noise, dtype=np.float64)[:, None, None]
         self.variance = self.dark + self.model / gain
         self.radius = radius
