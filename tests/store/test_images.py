@@ -21,6 +21,7 @@ from astropy.utils.masked import Masked
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
+import reproduce as rp
 from reproduce.store import images
 from reproduce.store.images import is_image, read_image
 
@@ -69,9 +70,15 @@ def test_the_uncertainty_of_an_image_is_its_deviation():
     for given in (StdDevUncertainty(2 + RAMP), VarianceUncertainty((2.0 + RAMP) ** 2)):
         found = read_image(CCDData(RAMP, unit="adu", uncertainty=given))[2]
         assert_allclose(found, 2.0 + RAMP)
-    for wrong in (StdDevUncertainty(0.0 * RAMP), UnknownUncertainty(RAMP), [1.0, 2.0]):
-        with pytest.raises(ValueError, match="uncertainty"):
-            read_image(NDData(RAMP, uncertainty=wrong))
+    for wrong, problem in (
+        (StdDevUncertainty(0.0 * RAMP), "from 0"),
+        (StdDevUncertainty(np.where(RAMP == 7, np.nan, 1)), "from nan"),
+        (StdDevUncertainty(np.ones((3, 30))), r"\(3, 30\)"),
+        (UnknownUncertainty(RAMP), "conversion"),
+        ([1.0, 2.0], "conversion"),
+    ):
+        with pytest.raises(ValueError, match=f"uncertainty.*{problem}"):
+            rp.stars(NDData(RAMP, uncertainty=wrong))
     # An inverse variance of zero marks a pixel without information.
     weights = InverseVariance(np.where(RAMP == 7, 0.0, 1.0))
     missing = np.isnan(read_image(NDData(RAMP, uncertainty=weights))[0])
@@ -93,12 +100,12 @@ def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
     with pytest.raises(
         ValueError, match=r"mef.fits.* 1 \(WHT\), 2 \(SCI\), 3 \(A\), 4 \(A\)"
     ):
-        read_image(path)
+        rp.stars(path)
     for name, image in (("SCI", RAMP + 1), ("sci", RAMP + 1), ("4", RAMP + 3)):
         assert (read_image(f"{path}[{name}]")[0] == image).all()
     for wrong in ("ERR", "9", "5", "0", "A", " a "):
         with pytest.raises(ValueError, match=rf"mef.fits\[{wrong}\]"):
-            read_image(f"{path}[{wrong}]")
+            rp.stars(f"{path}[{wrong}]")
 
 
 def test_a_huge_image_is_refused_before_its_pixels_are_read(tmp_path, monkeypatch):
@@ -167,7 +174,6 @@ BAD = {
     "zero.fits": (lambda p: p.symlink_to("/dev/zero"), "regular file"),
     "folder.fits": (lambda p: p.mkdir(), "regular file"),
     "missing.fits": (lambda p: None, "No such file"),
-    "colour.tif": (lambda p: p.write_bytes(b"II*\0"), "FITS"),
 }
 
 
@@ -176,8 +182,9 @@ def test_a_bad_file_raises_one_line_with_its_name(tmp_path, name):
     write, problem = BAD[name]
     write(tmp_path / name)
     with pytest.raises(ValueError, match=problem) as caught:
-        read_image(tmp_path / name)
-    assert str(caught.value).startswith(f"{name}: expected ")
+        rp.stars(tmp_path / name)
+    assert type(caught.value) is ValueError
+    assert str(caught.value).startswith(f"{tmp_path / name}: expected ")
     assert str(caught.value).count(f"{name}:") == 1
     assert "\n" not in str(caught.value)
 
@@ -190,5 +197,5 @@ def test_stars_are_no_image():
 def test_a_missing_library_is_named(tmp_path, monkeypatch):
     fits.writeto(tmp_path / "a.fits", RAMP)
     monkeypatch.setitem(sys.modules, "astropy.io", None)
-    with pytest.raises(ValueError, match=r"astropy and photutils"):
-        read_image(tmp_path / "a.fits")
+    with pytest.raises(ValueError, match=r"a\.fits: .* astropy and photutils"):
+        rp.stars(tmp_path / "a.fits")

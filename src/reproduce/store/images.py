@@ -40,10 +40,6 @@ _BLOCK_BYTES = 1 << 20
 _MIN_SATURATED = 4
 
 
-class _ImageError(ValueError):
-    """An image cannot be used; the message contains its name and the reason."""
-
-
 def is_image(source: Any) -> bool:
     """Return whether `source` is an array, a `CCDData` or a FITS file with an image.
 
@@ -56,17 +52,15 @@ def is_image(source: Any) -> bool:
         name = _FITS.fullmatch(str(source))
         if name is None or name["extension"]:
             return name is not None
-        with _open_fits(name) as units:
-            return bool(_image_names(units))
+        with reading(str(source)), _fits_images(name["file"]) as images:
+            return bool(images)
     content = source.data if hasattr(source, "uncertainty") else source
     shape = getattr(content, "shape", ())
     has_sides = len(shape) in (2, 3) and sorted(shape)[-2] >= _MIN_SIDE
     return has_sides and not hasattr(source, "columns")
 
 
-def read_image(
-    source: Any, name: str = "array"
-) -> tuple[NDArray[Any], float, FloatArray | None]:
+def read_image(source: Any) -> tuple[NDArray[Any], float, FloatArray | None]:
     """Return the pixels of an image, their saturation, and their standard deviations.
 
     Parameters
@@ -74,8 +68,6 @@ def read_image(
     source : path or array_like, shape (height, width)
         FITS file, with the extension in brackets if it contains several images
         (``field.fits[SCI]``), array, masked array or `CCDData`, whose mask and uncertainty apply.
-    name : str
-        Name of an array.
 
     Returns
     -------
@@ -91,38 +83,36 @@ def read_image(
     ValueError
         If the source is not one two-dimensional image with different pixels.
     """
-    is_file = isinstance(source, FilePath)
-    with reading(Path(source).name if is_file else name):
-        if is_file:
-            source = _from_fits(str(source))
-        uncertainty, unit = getattr(source, "uncertainty", None), ""
-        if hasattr(source, "uncertainty"):
-            unit = source.unit or unit
-            source = np.ma.array(source.data, mask=source.mask)
-        pixels = np.ma.getdata(source, subok=False)  # without a unit
-        if pixels.ndim != 2 or min(pixels.shape) < _MIN_SIDE:
-            raise ValueError(
-                f"expected an image of shape (height, width) with {_MIN_SIDE} px or more on each "
-                f"side, got {pixels.shape}. Pass one channel, such as image[..., 1]"
-            )
-        if pixels.dtype.kind not in "iufb":
-            raise ValueError(
-                f"expected real numbers, got {pixels.dtype}. Convert the image"
-            )
-        missing = ~np.isfinite(pixels) | np.ma.getmask(source)
-        sigma = None
-        if uncertainty is not None:
-            sigma = _deviations(uncertainty, unit, missing)
-            missing |= np.isinf(sigma)
-        if missing.any():
-            pixels = np.where(missing, np.nan, pixels)
-        low, high = (float(end.reduce(pixels, axis=None)) for end in (np.fmin, np.fmax))
-        if not (max(-low, high) < _MAX_VALUE and high - low > 1 / _MAX_VALUE):
-            raise ValueError(
-                f"expected different pixels of less than {_MAX_VALUE:g}, got {low:g} to {high:g}. "
-                "Check or scale the image"
-            )
-        return pixels, high if _is_saturated(pixels, high) else np.inf, sigma
+    if isinstance(source, FilePath):
+        source = _from_fits(str(source))
+    uncertainty, unit = getattr(source, "uncertainty", None), ""
+    if hasattr(source, "uncertainty"):
+        unit = source.unit or unit
+        source = np.ma.array(source.data, mask=source.mask)
+    pixels = np.ma.getdata(source, subok=False)  # without a unit
+    if pixels.dtype.kind not in "iufb":
+        raise ValueError(
+            f"expected real numbers, got {pixels.dtype}. Convert the image to an array"
+        )
+    if pixels.ndim != 2 or min(pixels.shape) < _MIN_SIDE:
+        raise ValueError(
+            f"expected an image of shape (height, width) with {_MIN_SIDE} px or more on each "
+            f"side, got {pixels.shape}. Pass one channel, such as image[..., 1]"
+        )
+    missing = ~np.isfinite(pixels) | np.ma.getmask(source)
+    sigma = None
+    if uncertainty is not None:
+        sigma = _deviations(uncertainty, unit, missing)
+        missing |= np.isinf(sigma)
+    if missing.any():
+        pixels = np.where(missing, np.nan, pixels)
+    low, high = (float(end.reduce(pixels, axis=None)) for end in (np.fmin, np.fmax))
+    if not (max(-low, high) < _MAX_VALUE and high - low > 1 / _MAX_VALUE):
+        raise ValueError(
+            f"expected different pixels of less than {_MAX_VALUE:g}, got {low:g} to {high:g}. "
+            "Check or scale the image"
+        )
+    return pixels, high if _is_saturated(pixels, high) else np.inf, sigma
 
 
 def _is_saturated(pixels: NDArray[Any], high: float) -> bool:
@@ -147,12 +137,12 @@ def _deviations(uncertainty: Any, unit: Any, missing: BoolArray) -> FloatArray:
     with np.errstate(divide="ignore"):  # an inverse variance of zero
         found = values.represent_as(StdDevUncertainty)
     sigma = found.array * Unit(found.unit or "").to(unit)
-    sigma = np.broadcast_to(sigma, missing.shape)
-    if not (sigma[~missing] > 0).all():
+    if sigma.shape not in ((), missing.shape) or not (missing | (sigma > 0)).all():
         raise ValueError(
-            "uncertainty: expected values above zero, got zero or less. Mask these pixels"
+            "uncertainty: expected one value above zero for each pixel, got values of the shape "
+            f"{sigma.shape} from {np.min(sigma):g}. Mask pixels without an uncertainty"
         )
-    return sigma
+    return np.broadcast_to(sigma, missing.shape)
 
 
 @contextmanager
@@ -160,10 +150,8 @@ def reading(name: str) -> Iterator[None]:
     """Raise a `ValueError` with the name of the image for any error."""
     try:
         yield
-    except _ImageError:
-        raise
     except ImportError as error:
-        raise _ImageError(
+        raise ValueError(
             f"{name}: expected the packages astropy and photutils, got no "
             f"{error.name}. Install both"
         ) from error
@@ -171,60 +159,53 @@ def reading(name: str) -> Iterator[None]:
         message = " ".join(str(error).split()) or type(error).__name__
         if not re.match(r"([\w, ]+: )?expected ", message):
             message = f"expected a complete and readable image, got {message!r}. Check the file"
-        raise _ImageError(f"{name}: {message}") from error
+        raise ValueError(f"{name}: {message}") from error
 
 
 @contextmanager
-def _open_fits(name: re.Match[str]) -> Iterator[Any]:
-    """Open a FITS file, and close it also if Astropy raises an error."""
-    path = Path(name["file"])
-    with reading(Path(name.string).name), warnings.catch_warnings():
-        from astropy.io import fits
+def _fits_images(file: str) -> Iterator[dict[int, Any]]:
+    """Yield the two-dimensional images of a FITS file by number, and close it after any error."""
+    from astropy.io import fits
 
+    path = Path(file)
+    if path.exists() and not path.is_file():
+        raise ValueError("expected a regular file, got a folder or a device. Copy it")
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("error", message=".*truncated")
-        if path.exists() and not path.is_file():
-            raise ValueError(
-                "expected a regular file, got a folder or a device. Copy it"
-            )
         with path.open("rb") as stream, fits.open(stream, memmap=False) as units:
-            yield units
-
-
-def _image_names(units: Any) -> dict[int, str]:
-    """Return the numbers and names of the two-dimensional images of a FITS file."""
-    return {
-        number: unit.name
-        for number, unit in enumerate(units)
-        if unit.is_image and unit.header.get("NAXIS", 0) >= 2
-    }
+            yield {
+                number: unit
+                for number, unit in enumerate(units)
+                if unit.is_image and unit.header.get("NAXIS", 0) >= 2
+            }
 
 
 def _from_fits(path: str) -> Any:
     """Return the data of one image of a FITS file."""
-    name = _FITS.fullmatch(path)
-    if name is None:
-        raise ValueError(
-            "expected a FITS file, got another format. Read it into an array"
-        )
-    with _open_fits(name) as units:
-        images, wanted = _image_names(units), (name["extension"] or "").strip().upper()
-        found = [n for n, one in images.items() if wanted in ("", str(n), one)]
+    name: Any = _FITS.fullmatch(path)
+    file, wanted = name["file"], (name["extension"] or "").strip().upper()
+    with _fits_images(file) as images:
+        found = [
+            unit
+            for number, unit in images.items()
+            if wanted in ("", str(number), unit.name)
+        ]
         if len(found) != 1:
-            listed = ", ".join(f"{number} ({one})" for number, one in images.items())
+            listed = [f"{number} ({unit.name})" for number, unit in images.items()]
             raise ValueError(
-                f"expected one image, got {listed or 'none'}. Name the extension in brackets, such "
-                f"as {Path(name['file']).name}[{min(images, default='SCI')}]"
+                f"expected one image, got {', '.join(listed) or 'none'}. Name the extension in "
+                f"brackets, such as {Path(file).name}[{min(images, default='SCI')}]"
             )
-        unit = units[found[0]]
-        if not 0 < math.prod(unit.shape) <= _MAX_PIXELS:
+        shape = found[0].shape
+        if not 0 < math.prod(shape) <= _MAX_PIXELS:
             raise ValueError(
-                f"expected an image of up to {_MAX_PIXELS:,} px, got the shape {unit.shape}. Name "
+                f"expected an image of up to {_MAX_PIXELS:,} px, got the shape {shape}. Name "
                 "another extension, or use a part"
             )
-        data = np.squeeze(unit.data)
-    if name["file"].lower().endswith(".gz"):  # Astropy does not read the check sum
-        with gzip.open(name["file"]) as stream:
+        data = np.squeeze(found[0].data)
+    if file.lower().endswith(".gz"):  # Astropy does not read the check sum
+        with gzip.open(file) as stream:
             while stream.read(_BLOCK_BYTES):
                 pass
     return data

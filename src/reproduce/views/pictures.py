@@ -94,8 +94,8 @@ def stars(
         return replace(source, name=name) if source.name == "source" else source
     name = str(source) if isinstance(source, FilePath) else name
     if has_pixels:
-        pixels, saturation, noise = read_image(source, name)
         with reading(name):
+            pixels, saturation, noise = read_image(source)
             spots = find_spots(pixels, threshold, noise, saturation)
         covariance, shapes = spots.covariance, spots.shapes
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
