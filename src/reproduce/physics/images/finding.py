@@ -160,12 +160,11 @@ def find_spots(
     fit = _SpotFit(light, deviations, peaks, radius, radius, gain)
     side = fit.left.shape[-1]
     last = np.array(image.shape[::-1]) - 1 - radius
-    reach: Any = side // 2 + _TAIL_RADII * radius
-    close = KDTree(peaks).query_pairs(reach, np.inf, output_type="ndarray")
+    distances = np.asarray(KDTree(peaks).query(peaks, 2, p=np.inf)[0])
     checks = {
         "saturated": fit.is_saturated,
         "at the edge": ((peaks < radius) | (peaks > last)).any(axis=1),
-        "another close by": np.isin(np.arange(len(peaks)), close),
+        "another close by": distances[:, 1] < side // 2 + _TAIL_RADII * radius,
         "not the shape of a spot": fit.has_odd_shape(),
         "no centre found": ~(np.abs(fit.centre - peaks).max(axis=1) < side / 2),
     }

@@ -287,8 +287,8 @@ def _optimum(
     """
     count, height, width = light.shape
     seen = np.isfinite(light)
-    bright = np.where(seen, light, -np.inf).reshape(count, -1).argmax(axis=1)
     light = np.where(seen, light, 0.0)
+    bright = light.reshape(count, -1).argmax(axis=1)
     flux = light.max(axis=(1, 2)) * (1 + 2 * np.pi * radius**2)
     state = np.stack([bright % width, bright // width, flux], axis=-1)
     information = np.full((count, 3, 3), np.nan)
