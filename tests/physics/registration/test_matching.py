@@ -180,6 +180,18 @@ def test_hot_pixels_are_not_taken_for_stars(degrees):
     assert len(match_points(*twice, 3.0)[0]) > 50
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_wrong_start_is_rejected_in_a_dense_field(sign):
+    """With the other sign of the shift, hundreds of unrelated stars are neighbours."""
+    source, target, true = lists(9, 2000, shift=(13, -8))
+    start = Registration.similarity(1, 0, (sign * 13, sign * -8), MIDDLE)
+    if sign > 0:
+        assert len(match_points(source, target, 3.0, start)[0]) >= len(true) - 5
+    else:
+        with pytest.raises(ValueError, match="common stars"):
+            match_points(source, target, 3.0, start)
+
+
 # Of 24 seeds with 40 stars and of 6 with 300, those whose fields agree most by chance.
 CLOSEST = {40: (11, 13, 15, 16, 20, 21), 300: (1, 2, 5)}
 
@@ -198,6 +210,18 @@ def test_unrelated_fields_are_rejected(count):
         for source, target in (uniform, clustered, 1.0 * whole):
             with pytest.raises(ValueError, match="common stars"):
                 match_points(source, target, 3.0)
+
+
+@pytest.mark.parametrize("seed", [2, 5, 7, 8])
+def test_unrelated_points_in_columns_are_rejected(seed):
+    """One coordinate of many pairs agrees under several transforms, the other one by chance."""
+    rng = default_rng([seed, 99])
+    source, target = (
+        np.column_stack([100.0 * rng.integers(0, 8, 80), rng.uniform(0, FIELD, 80)])
+        for _ in range(2)
+    )
+    with pytest.raises(ValueError, match="common stars"):
+        match_points(source, target, 3.0)
 
 
 def test_channels_with_other_bright_stars_are_matched():

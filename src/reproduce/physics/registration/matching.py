@@ -30,14 +30,16 @@ _SAMPLE_STARS, _SAMPLE_TRIANGLES = 150, 10_000
 _MAX_DIFFERENCE, _MAX_TRIED = 0.02, 4_000
 # Differences of positions that vote for a shift, about, and shifts that are tried, at most.
 _VOTES, _MAX_SHIFTS = 60_000, 20
-# Probability that unrelated stars are matched, at most, and pairs under another transform, as a
-# fraction of the pairs under the best one.
-_MAX_CHANCE, _MAX_OTHERS = 1e-6, 0.5
+# Probability that unrelated stars agree equally under the best transform and under another one, at
+# most, and pairs under another transform, as a fraction of the pairs under the best one.
+_MAX_CHANCES, _MAX_OTHERS = (1e-6, 1e-2), 0.5
 # Agreement of positions that counts as exact, in px, also if all positions are whole numbers:
 # rounded positions agree by chance.
 _ROUNDED_PX, _WHOLE_PX = 0.1, 0.5
 # Pairs of a robust fit, at least; rounds of fits that add neighbours.
 _MIN_ROBUST, _ROUNDS = 7, 4
+# Factors and offsets of the only transform of stars that a start has moved, and their number.
+_IDENTITY = np.ones(1, complex), np.zeros(1, complex), 1
 # Iterations of the scatter beyond the errors; variance of an exact position, in px^2.
 _SCATTER_STEPS, _EXACT_VARIANCE = 6, 1e-12
 
@@ -53,9 +55,9 @@ def match_points(
 
     Without a start, shifts are tried first, then triangles of the first points of both lists, then
     triangles of the points with the most distant neighbours. A transform is accepted if the
-    probability of an equal agreement of unrelated points is below 1e-6, and no other transform of
-    such an agreement has more than half as many pairs. A shift may also be the only one that pairs
-    every point of a list.
+    probability of an equal agreement of unrelated points is below 1e-6, and no other transform with
+    a probability below 1e-2 has more than half as many pairs. A shift may also be the only one that
+    pairs every point of a list.
 
     Parameters
     ----------
@@ -77,8 +79,8 @@ def match_points(
     Raises
     ------
     ValueError
-        If a list has fewer than four points, the points do not agree better than by chance, or a
-        start leaves fewer than four pairs.
+        If a list has fewer than four points, or the points do not agree better than by chance, also
+        under a start.
 
     Examples
     --------
@@ -90,7 +92,7 @@ def match_points(
     found = (
         _candidates(source, target, radius)
         if start is None
-        else [(neighbours(start.apply(source), target, radius), 0)]
+        else [_best(as_complex(start.apply(source)), as_complex(target), radius)]
     )
     best, is_ambiguous = np.zeros((0, 2), int), False
     fewest = min(len(source), len(target))
@@ -195,7 +197,7 @@ def _best(
     stars: ComplexArray,
     others: ComplexArray,
     radius: float,
-    transforms: tuple[ComplexArray, ComplexArray, int],
+    transforms: tuple[ComplexArray, ComplexArray, int] = _IDENTITY,
 ) -> tuple[IntArray, int]:
     """Return the pairs under the transform with most of them, and the number under another one.
 
@@ -211,13 +213,13 @@ def _best(
     images = as_points(factors[:, None] * stars + offsets[:, None])
     hit = np.asarray(tree.query(images, distance_upper_bound=radius)[1])
     found = []
-    for _ in range(2):
+    for limit in _MAX_CHANCES:
         # Several stars near a star of the target count once; the last index means no star.
         most = (np.diff(np.sort(hit), append=tree.n) > 0).sum(axis=1).argmax()
         rows = neighbours(images[most], tree.data, radius)
         rows = rows[hit[most, rows[:, 0]] == rows[:, 1]]
         chance = trials * _chance(images[most], rows, tree)
-        found.append(rows[: len(rows) * (chance < _MAX_CHANCE)])
+        found.append(rows[: len(rows) * (chance < limit)])
         # A star that another transform moves elsewhere may have another pair.
         moved = np.linalg.norm(images - images[most], axis=-1)
         hit[moved < 2 * radius] = tree.n
