@@ -55,6 +55,7 @@ def refused(source, *places):
         ("y,x\n1,2026-11-27\n", ("row 0", "column x", "dates are nan")),
         ("x,y\n1,2e40\n", ("row 0", "column y")),
         ("x;y\n1,5;2\n", ("sep",)),
+        ('x,y\n"1,5",2\n', ("row 0", "column x", "decimal point")),
         ("x,y\0\n1,2\n", ("column y",)),
         (b"x,y\n\xff\xfe,1\n", ("another format",)),
         ("x (arcsec),y (arcsec)\n1,2\n", ("column x", "arcsec")),
@@ -99,6 +100,7 @@ def test_a_text_file_and_its_dataframe_give_the_numbers(tmp_path, frame, setting
     ("name", "form"),
     [
         ("s.ecsv", "ascii.ecsv"),
+        ("s.txt", "ascii.ecsv"),
         ("s.fits", "fits"),
         ("s.xyls", "fits"),
         ("s.vot", "votable"),

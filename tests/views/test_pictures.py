@@ -163,6 +163,10 @@ def test_a_start_gives_the_nearest_stars(fit, tmp_path):
     record = json.loads(run(["register", *files, "--json", *start]).stdout)
     values = [parameter["value"] for parameter in record["parameters"]]
     assert values == pytest.approx([1.1, np.pi / 2, 3, -4], abs=0.05)
+    # A file and a table in another order of rows.
+    rows, start = pd.read_csv(files[1])[::-1], (1.1, np.pi / 2, 3, -4)
+    mixed = rp.register(files[0], rows, (500, 500), start=start, radius=0.2)
+    assert mixed.parameters == pytest.approx(values)
 
 
 def test_fields_without_stars_or_without_common_stars_are_rejected():

@@ -31,13 +31,9 @@ from reproduce.store.files import FilePath
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
 _PIXEL_UNITS = ("px", "pix", "pixel", "pixels")
-# Formats that Astropy reads, by the end of a file name, in addition to FITS.
-_ASTROPY_FORMATS = {
-    ".ecsv": "ascii.ecsv",
-    ".vot": "votable",
-    ".xml": "votable",
-    ".cat": "ascii.sextractor",
-}
+# Formats that Astropy reads, by the end of a file name, and by the first seven bytes of a file.
+_ASTROPY_FORMATS = {".vot": "votable", ".xml": "votable", ".cat": "ascii.sextractor"}
+_SIGNATURES = {b"SIMPLE ": "fits", b"# %ECSV": "ascii.ecsv"}
 # Stars of one channel: their places there and in the reference channel, and their errors, in px.
 STARS = ("x", "y", "x_reference", "y_reference")
 SIGMAS = ("sigma", "sigma_x", "sigma_y")
@@ -164,7 +160,10 @@ def read_table(
     table = DataTable(name, values, numbers, content)
     for column, given in numbers.items():
         right = np.abs(given) < _LARGEST_NUMBER  # false for NaN
-        expected = f"a finite number below {_LARGEST_NUMBER:g} (text and dates are nan)"
+        expected = (
+            f"a finite number below {_LARGEST_NUMBER:g} with a decimal point (text and dates are "
+            "nan)"
+        )
         table.check(column, right, expected)
     return table
 
@@ -214,9 +213,7 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
             warnings.filterwarnings("error", message=".*(multiple tables|truncated)")
             if packed := content.startswith(b"\x1f\x8b"):
                 content = gzip.decompress(content)
-            if content.startswith(b"SIMPLE  ="):
-                form = "fits"
-            if form:
+            if form := _SIGNATURES.get(content[:7], form):
                 from astropy.table import Table as AstropyTable
 
                 return AstropyTable.read(BytesIO(content), format=form)

@@ -59,9 +59,9 @@ class _Shell(click.Group):
                 stream.reconfigure(encoding="utf-8", errors="backslashreplace")
         try:
             return super().main(*arguments, **settings)
-        except OSError as error:  # such as a full disk
+        except OSError as error:  # a stream, such as a full disk
             sys.stdout = io.StringIO()  # nothing is left to flush at the end
-            sys.exit(f"reproduce: cannot write: {error.strerror}")
+            sys.exit(f"reproduce: {error.strerror}")
 
 
 def _message(error: Exception) -> str | None:

@@ -119,9 +119,12 @@ def register(
         )
     arguments = without_none(locals())
     pair = source, target
-    # Stars must be found or matched in two files, an image, or a result of `stars`.
-    separate = all(isinstance(one, FilePath) for one in pair) or any(
-        is_image(one) or hasattr(one, "rejected") for one in pair
+    # Stars must be found or matched in a file of one image, an image, or a result of `stars`.
+    separate = any(
+        is_image(one)
+        or hasattr(one, "rejected")
+        or (isinstance(one, FilePath) and target is not None)
+        for one in pair
     )
     if separate and target is None:
         raise ValueError("target: expected another image or list, got none. Pass both")
