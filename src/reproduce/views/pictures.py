@@ -183,7 +183,8 @@ def match(
     [3, 2, 1, 0]
     """
     first, second = stars(source, name="source"), stars(target, name="target")
-    field = np.ptp(np.vstack([first.points, second.points]), axis=0).max()
+    # The lists may be far apart.
+    field = max(np.ptp(one.points, axis=0).max() for one in (first, second))
     near = _PAIR_PX + _PAIR_FRACTION * field if radius is None else radius
     if isinstance(start, RegistrationResult):
         start = start.transform

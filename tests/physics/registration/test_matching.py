@@ -121,6 +121,13 @@ def test_a_shift_is_found_among_many_unmatched_stars(unmatched):
     assert found_of(*lists(2, 40, unmatched, shift=(13, -8)))[0] == 1
 
 
+def test_the_distance_of_the_lists_does_not_widen_the_radius():
+    source, target, _ = lists(2, 40, 5)
+    for distance in (0, 1e5):
+        pairs = rp.match(source, target + distance)
+        assert pairs.attrs["log"].endswith("less than 2.99 px apart")
+
+
 @pytest.mark.parametrize("kind", [Table, pd.DataFrame])
 def test_the_magnitude_selects_the_bright_stars(kind):
     """Twenty bright stars are common, and three hundred faint ones are not."""
