@@ -43,8 +43,6 @@ def test_list_names_every_item_in_the_order_of_print():
     lines = [line.split() for line in output("contents").splitlines() if line]
     shown = [line[0] for line in lines if re.match(r"(niu2024|chen2023)/", line[0])]
     assert shown == [*catalogue(), *catalogue("studies")]
-    assert output("list") == output("contents")
-    assert " list " not in output("--help")
 
 
 def test_check_selects_items_and_papers():

@@ -8,7 +8,6 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -34,20 +33,16 @@ class _Shell(click.Group):
         try:
             return super().invoke(ctx)
         except Exception as error:  # errors of the input become one line, others rise
-            message = _message(error)
-            if message is None:  # not an error of the input
+            reported = _reported(error)
+            if reported is None:
                 raise
             if as_json:
-                record: dict[str, Any] = {"error": message}
+                record: dict[str, Any] = {"error": reported.format_message()}
                 if missed := getattr(error, "missed", ()):
                     record["steps_needed"] = getattr(error, "steps", None)
                     record["missed"] = missed
                 click.echo(json.dumps(record, indent=2))
-            if isinstance(error, click.ClickException):
-                raise
-            if isinstance(error, ArithmeticError | MemoryError):
-                raise click.ClickException(message) from error
-            raise click.UsageError(message) from error
+            raise reported from error
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
         """Run the program."""
@@ -64,20 +59,25 @@ class _Shell(click.Group):
             sys.exit(f"reproduce: {error.strerror}")
 
 
-def _message(error: Exception) -> str | None:
-    """Return one line on an error of the input; None for another error."""
-    if isinstance(error, click.ClickException):
-        return error.format_message()
-    if isinstance(error, KeyError):
-        return printable(str(error.args[0]))
-    # Chains that have not converged missed criteria.
-    if isinstance(error, ValueError) or hasattr(error, "missed"):
-        return printable(str(error))
-    if isinstance(error, MemoryError):
-        return "the input does not fit into memory. Use a smaller one"
-    if isinstance(error, OSError) and error.filename:
-        return printable(f"{error.filename}: {error.strerror}")
-    return None
+def _reported(error: Exception) -> click.ClickException | None:
+    """Return an error of the input with one line for the user; None for another error."""
+    match error:
+        case click.ClickException():
+            return error
+        case MemoryError():
+            text = "the input does not fit into memory. Use a smaller one"
+            return click.ClickException(text)
+        case ArithmeticError() if hasattr(error, "missed"):  # unconverged chains
+            return click.ClickException(printable(str(error)))
+        case KeyError():
+            text = str(error.args[0])
+        case ValueError():
+            text = str(error)
+        case OSError() if error.filename:
+            text = f"{error.filename}: {error.strerror}"
+        case _:
+            return None
+    return click.UsageError(printable(text))
 
 
 def _target(*endings: str) -> Callable[..., Path | None]:
@@ -221,12 +221,6 @@ def _contents(as_json: bool) -> None:
 
     listing = Contents()
     _show(as_json, listing.entries, listing.listed)
-
-
-# The name of the command until version 0.2.
-_LIST = copy(_contents)
-_LIST.hidden = True
-main.add_command(_LIST, "list")
 
 
 @main.command("check")
