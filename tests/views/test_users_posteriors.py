@@ -48,18 +48,6 @@ def stored(tmp_path):
     return write
 
 
-@pytest.fixture
-def spots(tmp_path):
-    """Write spots to a file and return its path."""
-
-    def write(*noise_and_flip, **settings):
-        path = tmp_path / "spots.csv"
-        spot_table(*noise_and_flip, **settings).to_csv(path, index=False)
-        return path
-
-    return write
-
-
 def sampled(name, path, *arguments):
     """Return the JSON of a run, and its parameters by name."""
     result = run(["posterior", name, "--data", path, "--json", *arguments])
@@ -81,26 +69,26 @@ def moments(found, name):
     return values.mean(), values.std()
 
 
-def test_the_prior_of_noise_follows_the_spots(spots):
+def test_the_prior_of_noise_follows_the_spots():
     """3 px are beyond the prior of the simulated spots of the book."""
-    model = rp.posterior("misalignment", spots(3.0)).model
+    model = rp.posterior("misalignment", spot_table(3.0)).model
     (noise,) = (one.prior for one in model.parameters if one.name == "noise")
     assert noise.low < 0.3
     assert noise.high > 30
 
 
-def test_spots_that_drift_inside_a_group_give_a_warning(spots):
+def test_spots_that_drift_inside_a_group_give_a_warning():
     """6 arcsec, a tenth of a pixel. One model contains a drift of group 1."""
     for drift, constant, drifting in (
         ((0, 0), 0, 0),
         ((0, 6), 1, 0),
         ((6, 0), 1, 1),
     ):
-        path = spots(drift=drift)
-        view = rp.misalignment(path)
+        table = spot_table(drift=drift)
+        view = rp.misalignment(table)
         for remarks, count, advised in (
-            (rp.posterior("misalignment", path).remarks, constant, constant),
-            (rp.posterior("misalignment-drift", path).remarks, drifting, 0),
+            (rp.posterior("misalignment", table).remarks, constant, constant),
+            (rp.posterior("misalignment-drift", table).remarks, drifting, 0),
             (view.remarks, constant, constant),
         ):
             found = sum("correlation" in text for text in remarks)
@@ -223,12 +211,12 @@ WRONG = {
 }
 
 
-def test_wrong_data_and_options_are_reported_in_one_line(stored, spots):
+def test_wrong_data_and_options_are_reported_in_one_line(stored):
     for named, case in WRONG.items():
         path = stored(star_table(case.get("count", 60)) * case.get("sign", 1))
         name = case.get("name", "registration")
         if "spots" in case:
-            path, name = spots(*case["spots"]), "misalignment"
+            path, name = stored(spot_table(*case["spots"])), "misalignment"
         options = case.get("options", ())
         result = run(["posterior", name, "--data", path, *options, "--json"])
         assert result.exit_code == 2, named

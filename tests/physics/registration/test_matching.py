@@ -123,9 +123,8 @@ def test_a_shift_is_found_among_many_unmatched_stars(unmatched):
 
 def test_the_distance_of_the_lists_does_not_widen_the_radius():
     source, target, _ = lists(2, 40, 5)
-    for distance in (0, 1e5):
-        pairs = rp.match(source, target + distance)
-        assert pairs.attrs["log"].endswith("less than 2.99 px apart")
+    found = rp.match(source, target + 1e5)
+    assert found.attrs["log"] == rp.match(source, target).attrs["log"]
 
 
 @pytest.mark.parametrize("kind", [Table, pd.DataFrame])
@@ -187,16 +186,12 @@ def test_hot_pixels_are_not_taken_for_stars(degrees):
     assert len(match_points(*twice, 3.0)[0]) > 50
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_wrong_start_is_rejected_in_a_dense_field(sign):
+def test_a_wrong_start_is_rejected_in_a_dense_field():
     """With the other sign of the shift, hundreds of unrelated stars are neighbours."""
-    source, target, true = lists(9, 2000, shift=(13, -8))
-    start = Registration.similarity(1, 0, (sign * 13, sign * -8), MIDDLE)
-    if sign > 0:
-        assert len(match_points(source, target, 3.0, start)[0]) >= len(true) - 5
-    else:
-        with pytest.raises(ValueError, match="common stars"):
-            match_points(source, target, 3.0, start)
+    source, target, _ = lists(9, 2000, shift=(13, -8))
+    start = Registration.similarity(1, 0, (-13, 8), MIDDLE)
+    with pytest.raises(ValueError, match="common stars"):
+        match_points(source, target, 3.0, start)
 
 
 # Of 24 seeds with 40 stars and of 6 with 300, those whose fields agree most by chance.
