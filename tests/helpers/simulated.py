@@ -45,17 +45,28 @@ def star_table(count=60, **settings):
     return table_of(*stars(count, **settings))
 
 
+def spot_frame(*groups):
+    """Return groups of images, (frames, lights, 2), as a table without their lost spots."""
+    rows = [
+        (group, laser, x, y, frame)
+        for group, images in enumerate(groups)
+        for frame, image in enumerate(images)
+        for laser, (x, y) in enumerate(image, start=1)
+        if np.isfinite([x, y]).all()
+    ]
+    return pd.DataFrame(rows, columns=[*SPOTS, "frame"])
+
+
 def spot_table(noise=0.02, flip=1, drift=(0, 0)):
-    """Return two groups of fifty images.
+    """Return two groups of fifty images, without their numbers.
 
     The camera rotates by (20, -20, 0) arcsec between the groups, and drifts about X inside a group.
     """
     platform = as_designed(load_inputs(INSTRUMENT))
-    generator, rows = default_rng(3), []
-    for group, angles in enumerate(([0, 0, 0], [20, -20, 0])):
-        angles = np.outer(np.linspace(-0.5, 0.5, 50), [drift[group], 0, 0]) + angles
+    generator, groups = default_rng(3), []
+    for moved, angles in zip(drift, ([0, 0, 0], [20, -20, 0]), strict=True):
+        angles = np.outer(np.linspace(-0.5, 0.5, 50), [moved, 0, 0]) + angles
         places = platform.predicted(angles / ARCSEC_PER_RADIAN)
         places = places + noise * generator.normal(size=places.shape)
-        lights = (light for image in places for light in enumerate(image, start=1))
-        rows += [(group, laser, flip * x, y) for laser, (x, y) in lights]
-    return pd.DataFrame(rows, columns=list(SPOTS))
+        groups.append(places * (flip, 1))
+    return spot_frame(*groups).drop(columns="frame")

@@ -1,4 +1,4 @@
-"""Your files: every model that accepts a file finds the truth, or raises an error that names it."""
+"""Your data: every model that accepts a table finds the truth, or raises an error that names it."""
 
 import numpy as np
 import pytest
@@ -12,16 +12,14 @@ from reproduce.physics.registration import fit_registration
 from reproduce.units import ARCSEC_PER_RADIAN
 
 
-def test_your_data_lead_to_their_truth(tmp_path):
+def test_your_data_lead_to_their_truth():
     """By the rough estimate that starts the sampler, within four of its errors."""
     for name, table, parameter, truth in (
         ("registration", star_table(truth=SHIFT), "shift-x", 3.0),
         ("misalignment", spot_table(), "angle-y", -20 / ARCSEC_PER_RADIAN),
         ("misalignment-drift", spot_table(), "drift-x", 0.0),
     ):
-        path = tmp_path / f"{name}.csv"
-        table.to_csv(path, index=False)
-        model = rp.posterior(name, path).model
+        model = rp.posterior(name, table).model
         centre, spread = model.likelihood.start()
         i = model.names.index(parameter)
         assert abs(centre[i] - truth) < 4 * spread[i]

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from commands import output_of, run, width, words
 from numpy.testing import assert_allclose, assert_array_equal
-from simulated import SHIFT, star_table
+from simulated import SHIFT, spot_frame, star_table
 
 import reproduce as rp
 from reproduce.judge.ledger import item_ledger
@@ -238,18 +238,6 @@ def test_every_object_has_the_same_methods(lasers):
 
 
 # Measurements of a user: laser spots.
-
-
-def spot_frame(zero, now, **columns):
-    """Return both groups as a table, without lost spots."""
-    rows = [
-        {"group": group, "laser": laser, "x": x, "y": y, "frame": frame}
-        for group, images in enumerate((zero, now))
-        for frame, image in enumerate(images)
-        for laser, (x, y) in enumerate(image, start=1)
-        if np.isfinite([x, y]).all()
-    ]
-    return pd.DataFrame(rows).assign(**columns)
 
 
 def test_the_platform_can_be_replaced_and_wrong_spots_are_named(lasers):
