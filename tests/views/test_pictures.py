@@ -140,6 +140,16 @@ def test_scatter_beyond_the_stated_errors_is_estimated():
     assert rp.register(*listed).extra_scatter == pytest.approx(expected, rel=0.1)
 
 
+def test_a_radius_that_leaves_out_pairs_is_reported():
+    """Two coordinates with the noise of 1.4 px differ by more than 3 px in 10 % of pairs."""
+    rng = default_rng(8)
+    source = rng.uniform(0, 999, (60, 2))
+    listed = map(rp.stars, (source, source + rng.normal(0, 1.4, source.shape)))
+    found = rp.register(*listed)
+    for fit, reported in ((found, True), (found.rerun(radius=10.0), False)):
+        assert ("radius" in {one.kind for one in fit.findings}) is reported
+
+
 def test_a_start_gives_the_nearest_stars(fit, tmp_path):
     red, green = fit.source_stars, fit.target_stars
     found = rp.match(red, green, start=TRUTH, radius=2)

@@ -33,6 +33,8 @@ from reproduce.views.measurements import RegistrationResult
 
 # Default of the largest distance of a pair: in px, and as a fraction of the field.
 _PAIR_PX, _PAIR_FRACTION = 2.0, 1e-3
+# Smallest radius without a warning, in standard deviations of a coordinate: 1 % of pairs are wider.
+_MIN_RADIUS = 3.0
 # Largest number of stars in a display.
 _MAX_SHOWN = 10
 # Units of the facts of an image.
@@ -166,8 +168,8 @@ def match(
     -------
     DataFrame
         Pairs in the columns of `register`, with the rows of both stars. Its ``attrs`` contain
-        ``mirrored``, whether the images mirror each other, and the ``matrix`` of the affine
-        transform under which the stars of a pair are neighbours.
+        ``mirrored``, whether the images mirror each other, the ``matrix`` of the affine transform
+        under which the stars of a pair are neighbours, and the ``radius``.
 
     Raises
     ------
@@ -203,6 +205,7 @@ def match(
     counts = f"{len(pairs)} pairs of {len(first)} and {len(second)} stars"
     pairs.attrs = {
         "log": f"{counts}, less than {near:.3g} px apart",
+        "radius": near,
         "matrix": transform.matrix.tolist(),
         "mirrored": bool(np.linalg.det(transform.matrix) < 0),
     }
@@ -323,6 +326,13 @@ class PairedRegistration(RegistrationResult):
             first.shapes[row], second.shapes[other], self.transform.matrix
         )
         self.findings += [*first.findings, *second.findings, *found]
+        radius, noise = pairs.attrs["radius"], self.residuals[used].std()
+        if radius < _MIN_RADIUS * noise:
+            text = (
+                f"the stars of a pair scatter by {noise:.2g} px, and pairs beyond the radius of "
+                f"{radius:.3g} px are left out: the intervals are too narrow. Pass a larger radius"
+            )
+            self.findings.append(Finding("radius", text))
         # An unknown displacement of the centres widens the interval of the shift.
         shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
         self.systematic[np.ix_(shift, shift)] = covariance
