@@ -1,8 +1,8 @@
 """Checks of the arguments of public functions.
 
 A function under `checked` declares its arguments by annotations such as `Points` or `Positive` and
-receives float arrays, or a text for `Text`. An error contains the argument, the expected and the
-given value, and a remedy.
+receives float arrays, or the object itself for `Text` and `Flag`. An error contains the argument,
+the expected and the given value, and a remedy.
 """
 
 from __future__ import annotations
@@ -169,10 +169,17 @@ def _single(
     return float(array)
 
 
-def _text(name: str, value: object, *, shape: _Shape) -> str:
-    """Return a text; raise TypeError for another object."""
-    if not isinstance(value, str):
-        raise TypeError(f"{name}: expected text, got {value!r}. Give one str")
+def _instance(
+    kind: type | tuple[type, ...],
+    expected: str,
+    name: str,
+    value: Any,
+    *,
+    shape: _Shape,
+) -> Any:
+    """Return an object of some type; raise TypeError for another object."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name}: expected {expected}, got {value!r}. Give {expected}")
     return value
 
 
@@ -208,7 +215,10 @@ Directions = Annotated[Any, ("n", 3)]
 Rotation = Annotated[Any, (3, 3), rotations]
 Weights = Annotated[Any, ("n",)]
 Image = Annotated[Any, (None, None)]
-Text = Annotated[str, (), _text]
+Text = Annotated[str, (), functools.partial(_instance, str, "text")]
+Flag = Annotated[
+    bool, (), functools.partial(_instance, (bool, np.bool_), "True or False")
+]
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:

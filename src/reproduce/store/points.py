@@ -83,10 +83,10 @@ def computing(path: FilePath) -> Iterator[None]:
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             yield
-    except FloatingPointError as error:
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
         raise ValueError(
-            f"{path}: expected other numbers, got an {error}. Look for values that are huge, zero "
-            "or equal"
+            f"{path}: expected other numbers, got an error ({error}). Look for values that are "
+            "huge, zero or equal"
         ) from error
 
 

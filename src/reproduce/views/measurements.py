@@ -210,17 +210,18 @@ class RegistrationResult(_UserResult):
             Bounds, in the unit of each parameter.
         """
         centre, errors = self.parameters, self.fit.standard_errors
-        wider = self.standard_errors / errors
+        wider, further = self.standard_errors / errors, 0
         if term is not None:
             # The difference of two halves is no term of a model.
             known = [name for name in self._sensitivities if name != "bright - faint"]
             if term not in known:
                 raise ValueError(
-                    f"term: expected one of {', '.join(known)}, got {term!r}. Leave it out"
+                    f"term: expected {', '.join(known) or 'none'}, got {term!r}. Leave it out"
                 )
             one = self._sensitivities[term]
             centre, wider = centre + one.change * errors, wider * one.error
-        ends = self.fit.interval(level) - self.parameters[:, None]
+            further = one.number
+        ends = self.fit.interval(level, further) - self.parameters[:, None]
         return centre[:, None] + ends * wider[:, None]
 
     @property

@@ -183,6 +183,12 @@ def test_bad_input_is_refused():
             fit_registration(POINTS, POINTS, PIVOT, **{name: value})
 
 
+def test_a_choice_is_true_or_false():
+    for wrong in ("no", 1, None):
+        with pytest.raises(TypeError, match=r"^robust: "):
+            fit_registration(POINTS, POINTS, PIVOT, robust=wrong)
+
+
 def test_sizes_whose_squares_overflow_are_refused():
     with (
         np.errstate(over="ignore"),
@@ -196,7 +202,9 @@ def test_points_that_fix_too_little_are_refused():
     with pytest.raises(DegenerateGeometryError, match="fix every parameter"):
         fit_registration(line, line, PIVOT, model="affine")
     with pytest.raises(DegenerateGeometryError, match="4 or more"):
-        fit_registration(line[:2], line[:2], PIVOT, robust=True)
+        fit_registration(line[:3], line[:3], PIVOT, robust=True)
+    with pytest.raises(DegenerateGeometryError, match="5 or more"):
+        fit_registration(POINTS[:4], POINTS[:4], PIVOT, None, "affine", robust=True)
     with pytest.raises(DegenerateGeometryError, match="4 or more"):
         fit_registration(line, line, PIVOT, np.arange(9) < 3, robust=True)
     fit = fit_registration(line[:1], line[:1], PIVOT, model="shift")

@@ -33,10 +33,21 @@ def test_points_are_judged_by_their_own_errors(known):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_few_right_points_are_kept(model):
-    for count in (4, 5):
+    for count in (5, 6) if model in ("affine", "similarity+radial") else (4, 5):
         source, target = stars(count, truth=SHIFT, batch=(200,))
         fit = fit_registration(source, target, PIVOT, model=model, robust=True)
         assert fit.rejected.mean() < 0.01
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_wrong_match_of_five_is_rejected(model):
+    known = {"source_covariance": np.diag([0.1, 0.001])}
+    found = 0
+    for seed in range(100):
+        source, target = stars(5, 0.03, seed, SHIFT, wrong=1)
+        fit = fit_registration(source, target, PIVOT, model=model, robust=True, **known)
+        found += fit.rejected[0] and not fit.rejected[1:].any()
+    assert found >= 99
 
 
 def test_wrong_matches_of_a_turned_field_are_rejected():

@@ -63,9 +63,10 @@ _RICHER_MODELS = {
     "affine": "affine",
 }
 _TERM_TEXTS = {
-    "model": "the {term} term improves the fit (p = {p:.1g}) and changes {change}",
+    "model": "the {term} term improves the fit (p {p}) and changes {change}",
     "brightness": "bright and faint stars differ in {change}: do the centroids depend on the flux?",
-    "sensitive": "the intervals assume no {term} term, which would change {change}",
+    "sensitive": "the intervals assume no {term} term, which would change {change}. The intervals "
+    'that allow it are interval(term="{term}")',
 }
 
 
@@ -76,8 +77,10 @@ class Sensitivity:
     Attributes
     ----------
     term : str
-        ``radial``, ``tilt`` (of a detector), ``affine`` (axes that differ in scale or are not
-        perpendicular), ``scale``, ``rotation``, or ``bright - faint`` (both halves of the stars).
+        ``radial`` (about a centre near the pivot), ``decentring`` (if the model has a radial term,
+        whose centre is not the pivot), ``tilt`` (of a detector), ``affine`` (axes that differ in
+        scale or are not perpendicular), ``scale``, ``rotation``, or ``bright - faint`` (both halves
+        of the stars).
     change : ndarray, shape (p,)
         Change of each parameter, in its standard error. For ``bright - faint``, the difference of
         the halves in the standard error of that difference.
@@ -85,12 +88,15 @@ class Sensitivity:
         Standard error of each parameter if the term is unknown, in its standard error.
     p_value : float
         Probability of such an improvement of the fit without the term.
+    number : int
+        Number of parameters of the term.
     """
 
     term: str
     change: FloatArray
     error: FloatArray
     p_value: float
+    number: int
 
 
 def sensitivities(
@@ -99,8 +105,9 @@ def sensitivities(
     """Return the change of each parameter under richer models.
 
     Each term adds columns to the Jacobian of the fit, so that the change is that of one
-    Gauss-Newton step. Terms that the model contains or that the stars do not fix are left out.
-    Radial term and tilt are centred on the pivot. Of more than 100,000 stars, 100,000 are used.
+    Gauss-Newton step. Terms that the model contains or that the stars do not fix are left out. Tilt
+    and radial term are centred on the pivot, and the radial term has two more columns for a small
+    displacement of its centre. Of more than 100,000 stars, 100,000 are used.
 
     Parameters
     ----------
@@ -165,26 +172,31 @@ def sensitivities(
                 if not fit.errors_known:
                     error *= noise / np.sqrt(squares / freedom)
                 p_value = float(fdtrc(number, spare, gain))
-                changes.append(Sensitivity(term, change.round(9), error, p_value))
+                changes.append(
+                    Sensitivity(term, change.round(9), error, p_value, number)
+                )
     return changes
 
 
 def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
-    """Return the displacements, (n, 2, columns), of the terms that the model does not contain."""
+    """Return the displacements, (n, 2, columns), of the terms of richer models."""
     apply, pivot = fit.transform.apply, fit.transform.pivot
     along = as_complex(apply(source) - apply(pivot[None]))
+    squares = squared(along)
+    # The change of a radial term if its centre moves along x, or along y.
+    moved = [along**2 + 2 * squares, 1j * (2 * squares - along**2)]
     terms = {
         "rotation": [1j * along],
         "scale": [along],
-        "radial": [along * squared(along)],
+        "radial": [along * squares, *moved],
         "tilt": [along * along.real, along * along.imag],
         "affine": [along.conj(), 1j * along.conj()],
     }
-    # The affine model contains rotation and scale under other names: `sensitivities` finds it.
+    if "radial" in fit.names:
+        terms["decentring"] = moved
+    # `sensitivities` leaves out those that the model contains, also under other names.
     return {
-        name: np.stack([*map(as_points, term)], axis=-1)
-        for name, term in terms.items()
-        if name not in fit.names
+        name: np.stack([*map(as_points, term)], axis=-1) for name, term in terms.items()
     }
 
 
@@ -442,13 +454,15 @@ def _term_finding(
     worst = np.abs(term.change).argmax()
     largest = term.change[worst]
     change = f"{fit.names[worst]} by {largest:z.2g} standard deviations"
-    text = _TERM_TEXTS[kind].format(term=term.term, p=term.p_value, change=change)
-    model = _RICHER_MODELS.get(term.term)
+    # A probability may underflow.
+    p = f"= {term.p_value:.1g}" if term.p_value > 0 else "< 1e-300"
+    text = _TERM_TEXTS[kind].format(term=term.term, p=p, change=change)
+    model = _RICHER_MODELS.get(term.term) if kind == "model" else None
     if model and _improves(fit, model):
         text += f'. Pass model="{model}"'
     else:
         model = None
-    return [Finding(kind, text)], model if kind == "model" else None
+    return [Finding(kind, text)], model
 
 
 def _improves(fit: RegistrationFit, model: str) -> bool:

@@ -32,7 +32,14 @@ from reproduce.physics.registration._similarity import (
     squared,
 )
 from reproduce.physics.registration.transforms import MODELS, Registration
-from reproduce.physics.validate import BoolArray, FloatArray, IntArray, Points, Size
+from reproduce.physics.validate import (
+    BoolArray,
+    Flag,
+    FloatArray,
+    IntArray,
+    Points,
+    Size,
+)
 
 # Fewest points of a robust fit.
 _MIN_STARS_ROBUST = 4
@@ -149,7 +156,7 @@ class RegistrationFit:
         return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
 
     @validate.checked
-    def interval(self, level: Size = 0.95) -> FloatArray:
+    def interval(self, level: Size = 0.95, further: int = 0) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (..., p, 2).
 
         The interval follows Student's t-distribution, because the scatter of few points is an
@@ -160,11 +167,13 @@ class RegistrationFit:
         ----------
         level : float
             Probability that such an interval contains the true value, between 0 and 1.
+        further : int
+            Number of further parameters that the residuals determine.
         """
         validate.valid("level", level, 0 < level < 1, "a probability between 0 and 1")
         from scipy.special import stdtrit  # this import takes longer than a fit
 
-        freedom = np.where(self.errors_known, np.inf, self.degrees_of_freedom)
+        freedom = np.where(self.errors_known, np.inf, self.degrees_of_freedom - further)
         half = stdtrit(freedom[..., None], 0.5 * (1 + level)) * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
 
@@ -247,7 +256,8 @@ def fit_registration(
     return fit_problem(problem, robust)
 
 
-def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
+@validate.checked
+def fit_problem(problem: Problem, robust: Flag = False) -> RegistrationFit:
     """Fit the transform of checked points, as in `fit_registration`.
 
     Parameters
@@ -314,9 +324,12 @@ def _right_matches(problem: Problem) -> BoolArray:
     part = problem.rows(rows)
     weighted = part.counts > 0
     count = weighted.sum(axis=-1).min()
-    if count < _MIN_STARS_ROBUST:
+    # Fewer points would fit a model exactly.
+    half = (len(MODELS[part.model]) + 1) // 2
+    needed = max(_MIN_STARS_ROBUST, half + 2)
+    if count < needed:
         raise validate.DegenerateGeometryError(
-            f"source: expected {_MIN_STARS_ROBUST} or more points for a robust fit, got {count}. "
+            f"source: expected {needed} or more points for a robust fit, got {count}. "
             "Add points, or pass robust=False"
         )
     source, target = (
@@ -327,8 +340,7 @@ def _right_matches(problem: Problem) -> BoolArray:
     if part.model != "affine":
         mirrored = _median(_median_squares(source.conj(), target))
         check_ratio(2 * part.source.shape[-2] - 4, _median(squares), mirrored)
-    # Half of four points, or of five, would fit an affine model exactly.
-    least = np.sort(squares)[..., len(MODELS[part.model]) // 2]
+    least = np.sort(squares)[..., half]
     right = squares <= np.maximum(_median(squares), least)[..., None]
     for _ in range(_MAX_ROUNDS):
         before, right = right, _fitting(part, right)
