@@ -69,3 +69,11 @@ def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(monkeypatch
     assert (part.rejected != whole.rejected).mean() < 1e-3
     assert not part.rejected[:, 1::4].any()
     assert np.abs((part.parameters - TRUTH.parameters) / part.standard_errors).max() < 5
+
+
+def test_wrong_matches_of_a_mirror_image_are_rejected_by_an_affine_fit():
+    source, target = stars(20, wrong=5, batch=(50,))
+    mirrored = target * [-1, 1]
+    fit = fit_registration(source, mirrored, PIVOT, model="affine", robust=True)
+    assert fit.rejected[:, :5].all()
+    assert not fit.rejected[:, 5:].any()

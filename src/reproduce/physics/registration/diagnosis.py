@@ -55,7 +55,8 @@ _MIN_INDEPENDENT = 1e-4
 _MIN_EVENNESS = 0.95
 # Change of a parameter that exceeds the half of its 95 % interval, in standard deviations.
 _MAX_CHANGE = 2.0
-# Models that contain a term.
+# Largest number of parameters of a model that all richer models contain, and those by their term.
+_MAX_NESTED = 4
 _RICHER_MODELS = {
     "rotation": "rigid",
     "scale": "similarity",
@@ -457,17 +458,10 @@ def _term_finding(
     # A probability may underflow.
     p = f"= {term.p_value:.1g}" if term.p_value > 0 else "< 1e-300"
     text = _TERM_TEXTS[kind].format(term=term.term, p=p, change=change)
-    model = _RICHER_MODELS.get(term.term) if kind == "model" else None
-    if model and _improves(fit, model):
+    model = None
+    # No model contains both a radial and an affine term.
+    if kind == "model" and len(fit.names) <= _MAX_NESTED:
+        model = _RICHER_MODELS.get(term.term)
+    if model:
         text += f'. Pass model="{model}"'
-    else:
-        model = None
     return [Finding(kind, text)], model
-
-
-def _improves(fit: RegistrationFit, model: str) -> bool:
-    """Return whether another model fits better; the affine model has no radial term."""
-    with suppress(validate.DegenerateGeometryError, validate.MirroredPointsError):
-        other = fit_problem(replace(fit.problem, model=model))
-        return bool(other.chi_square < fit.chi_square)
-    return False

@@ -8,6 +8,8 @@ A robust fit draws no random samples. It starts from Siegel's repeated median: e
 gives a scale and a rotation, each point takes the median over its partners, and the median over the
 points follows. This tolerates wrong matches of almost half of the points. The half of the points
 closest to it is fitted. Then each point is tested against the others, until the same points remain.
+The start is a similarity also for an affine model, or a mirror image: after a strong shear, fewer
+wrong matches are tolerated.
 """
 
 from __future__ import annotations
@@ -336,10 +338,14 @@ def _right_matches(problem: Problem) -> BoolArray:
         np.where(weighted, as_complex(points), np.nan)
         for points in (part.source, part.target)
     )
-    squares = _median_squares(source, target)
-    if part.model != "affine":
-        mirrored = _median(_median_squares(source.conj(), target))
-        check_ratio(2 * part.source.shape[-2] - 4, _median(squares), mirrored)
+    squares, mirrored = (
+        _median_squares(image, target) for image in (source, source.conj())
+    )
+    middle, other = _median(squares), _median(mirrored)
+    if part.model == "affine":  # it may contain a mirror image
+        squares = np.where((other < middle)[..., None], mirrored, squares)
+    else:
+        check_ratio(2 * part.source.shape[-2] - 4, middle, other)
     least = np.sort(squares)[..., half]
     right = squares <= np.maximum(_median(squares), least)[..., None]
     for _ in range(_MAX_ROUNDS):
