@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -151,26 +151,31 @@ class RegistrationResult(_UserResult):
     It has the ``model``, the ``parameters`` with their ``covariance``, the ``residuals``, target
     minus transformed source, the ``transform`` for other points, and as ``fit`` the result of
     `physics.registration.fit.fit_registration`. The warnings are ``findings``, each with its kind
-    and its rows, and sentences in ``remarks``. ``systematic`` is a covariance that the residuals do
-    not show, zero for lists of stars. The arguments are those of `reproduce.register`.
+    and its rows, and sentences in ``remarks``. The arguments are those of `reproduce.register`.
     """
 
     _function = staticmethod(fit_registration)
     _rows = "parameters"
 
     def __init__(
-        self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
+        self,
+        source: Any,
+        target: Any = None,
+        pivot: Any = None,
+        systematic: FloatArray | float = 0.0,
+        **settings: Any,
     ) -> None:
         table, arguments = matched_stars(source, target, **settings)
         flux = brightness(table.numbers)
         with computing(table.path):
             pivot = registration.checked_pivot(pivot, arguments["source"])
-            self.fit = fit = fit_registration(pivot=pivot, **arguments)
+            fit = fit_registration(pivot=pivot, **arguments)
+            self.fit = fit = replace(fit, systematic=systematic)
             self.findings, terms = registration.diagnose_fit(fit, flux)
         self._sensitivities = {term.term: term for term in terms}
-        self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
         self.model, self.transform = fit.transform.model, fit.transform
         self.parameters, self.residuals = fit.parameters, fit.residuals
+        self.covariance, self.standard_errors = fit.covariance, fit.standard_errors
         self.title = (
             f"{self.model} from {len(fit.residuals)} stars, pivot ({pivot[0]:.6g}, "
             f"{pivot[1]:.6g}) px"
@@ -182,16 +187,6 @@ class RegistrationResult(_UserResult):
             "residual_rms": float(np.sqrt(fit.squares.mean() / 2)),
             **self.consistency,
         }
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance of the parameters, with the systematic covariance, shape (p, p)."""
-        return self.fit.covariance + self.systematic
-
-    @property
-    def standard_errors(self) -> FloatArray:
-        """Standard errors of the parameters, shape (p,); NaN if unknown."""
-        return np.sqrt(np.diagonal(self.covariance))
 
     def interval(self, level: float = _LEVEL, term: str | None = None) -> FloatArray:
         """Return the lowest and highest value of each parameter.
@@ -209,8 +204,7 @@ class RegistrationResult(_UserResult):
         ndarray, shape (p, 2)
             Bounds, in the unit of each parameter.
         """
-        centre, errors = self.parameters, self.fit.standard_errors
-        wider, further = self.standard_errors / errors, 0
+        centre, wider, further = self.parameters, np.ones(1), 0
         if term is not None:
             # The difference of two halves is no term of a model.
             known = [name for name in self._sensitivities if name != "bright - faint"]
@@ -219,8 +213,8 @@ class RegistrationResult(_UserResult):
                     f"term: expected {', '.join(known) or 'none'}, got {term!r}. Leave it out"
                 )
             one = self._sensitivities[term]
-            centre, wider = centre + one.change * errors, wider * one.error
-            further = one.number
+            centre = centre + one.change * self.standard_errors
+            wider, further = one.error, one.number
         ends = self.fit.interval(level, further) - self.parameters[:, None]
         return centre[:, None] + ends * wider[:, None]
 

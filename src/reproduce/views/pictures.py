@@ -311,7 +311,11 @@ class PairedRegistration(RegistrationResult):
         )
         known: Any = first.table.filter(["flux", "mag"]).iloc[row].to_dict("list")
         pairs = pairs.assign(weight=weights, **known)
-        super().__init__(pairs, None, pivot, **settings)
+        found, systematic = shape_finding(
+            first.shapes[row], second.shapes[other], np.array(pairs.attrs["matrix"])
+        )
+        # An unknown displacement of the centres widens the interval of the shift.
+        super().__init__(pairs, None, pivot, systematic, **settings)
         used, (x, y) = self.fit.weights > 0, self.residuals.T
         self.pairs = pairs.assign(
             residual_x=x, residual_y=y, used=used, weight=self.fit.weights
@@ -322,9 +326,6 @@ class PairedRegistration(RegistrationResult):
             f"scatter of the pairs beyond the errors of the centres: {self.extra_scatter:.2g} px",
             f"pairs that are dropped because they do not fit the others: {np.sum(~used)}",
         ]
-        found, covariance = shape_finding(
-            first.shapes[row], second.shapes[other], self.transform.matrix
-        )
         self.findings += [*first.findings, *second.findings, *found]
         radius, noise = pairs.attrs["radius"], self.residuals[used].std()
         if radius < _MIN_RADIUS * noise:
@@ -333,9 +334,6 @@ class PairedRegistration(RegistrationResult):
                 f"{radius:.3g} px are left out: the intervals are too narrow. Pass a larger radius"
             )
             self.findings.append(Finding("radius", text))
-        # An unknown displacement of the centres widens the interval of the shift.
-        shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
-        self.systematic[np.ix_(shift, shift)] = covariance
         self.title = f"{first.name} on {second.name}: {self.title}"
         self._facts |= {
             "source": first.name,

@@ -82,6 +82,8 @@ class RegistrationFit:
         Points that a robust fit left out.
     robust : bool
         Whether wrong matches were left out.
+    systematic : float or ndarray, shape (2, 2)
+        Covariance of the shift that the residuals do not show, in px^2.
     """
 
     problem: Problem
@@ -92,6 +94,7 @@ class RegistrationFit:
     points: FloatArray
     rejected: BoolArray
     robust: bool = False
+    systematic: FloatArray | float = 0.0
 
     @property
     def weights(self) -> FloatArray:
@@ -144,13 +147,16 @@ class RegistrationFit:
 
         From the covariances of the points if they were given, otherwise from the scatter of the
         residuals of the points of weight above zero. It is NaN if no degree of freedom is left to
-        estimate the scatter, or if the points fit exactly.
+        estimate the scatter, or if the points fit exactly. The systematic covariance is added.
         """
         variance, freedom = np.ones_like(self.chi_square), self.degrees_of_freedom
         if not self.errors_known:
             is_known = (freedom > 0) & (not self.is_exact)
             variance = self.chi_square / np.where(is_known, freedom, np.nan)
-        return variance[..., None, None] * self.cofactor
+        covariance = variance[..., None, None] * self.cofactor
+        shift = slice(first := self.names.index("shift-x"), first + 2)
+        covariance[..., shift, shift] += self.systematic
+        return covariance
 
     @property
     def standard_errors(self) -> FloatArray:
