@@ -88,34 +88,19 @@ def test_right_fields_get_a_warning_as_often_as_stated():
     assert 3 <= doubted <= 38
 
 
-@pytest.mark.parametrize(
-    ("model", "term", "richer"),
-    [
-        ("similarity", "affine", "affine"),
-        ("rigid", "scale", "similarity"),
-        ("shift", "rotation", "rigid"),
-    ],
-)
-def test_a_change_is_that_of_the_richer_fit(model, term, richer):
+def test_a_change_is_that_of_the_richer_fit():
     source, target = stars(9, 60)
     target = source + 1e-3 * (
         target - source
     )  # a step of Gauss-Newton is exact for small terms
-    plain = fit_registration(source, target, PIVOT, model=model)
-    rich = fit_registration(source, target, PIVOT, model=richer)
-    found = {"rigid": rich.parameters[1:], "shift": rich.parameters[1:]}.get(model)
-    if model == "similarity":
-        found = rich.parameters[:4]
-    if richer == "affine":
-        matrix = rich.parameters[:4].reshape(2, 2)
-        factor = (matrix[0, 0] + matrix[1, 1]) / 2 + 1j * (
-            matrix[1, 0] - matrix[0, 1]
-        ) / 2
-        found = np.array([abs(factor), np.angle(factor), *rich.parameters[4:]])
+    plain = fit_registration(source, target, PIVOT)
+    rich = fit_registration(source, target, PIVOT, model="affine").parameters
+    factor = (rich[0] + rich[3]) / 2 + 1j * (rich[2] - rich[1]) / 2
+    found = np.array([abs(factor), np.angle(factor), *rich[4:]])
     expected = (found - plain.parameters) / plain.standard_errors
     assert np.abs(expected).max() > 0.1
     terms = {one.term: one for one in diagnosis.sensitivities(plain)}
-    assert terms[term].change == pytest.approx(expected, abs=1e-3)
+    assert terms["affine"].change == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.mark.parametrize("known", [False, True])
@@ -141,31 +126,19 @@ def test_halves_that_differ_hide_no_term():
 
 @pytest.mark.parametrize("model", ["similarity", "similarity+radial"])
 def test_intervals_that_allow_a_radial_term_cover_with_and_without_it(model):
-    """Change and error are those of a linear fit, and the centre may be another point."""
+    """Also if the centre of the distortion is another point than the pivot."""
     inside = []
     for seed in range(300):
         source, target = stars(seed, 20, noise=0.07)
         field = (source - PIVOT - [150, 100]) / 1000
         bend = 0.3 * (seed % 2) * field * np.square(field).sum(axis=1, keepdims=True)
         fit = fit_registration(source, target + bend, PIVOT, model=model)
-        wanted = "radial" if model == "similarity" else "decentring"
         terms = {one.term: one for one in diagnosis.sensitivities(fit)}
-        term = terms[wanted]
+        term = terms["radial" if model == "similarity" else "decentring"]
         error, half = fit.standard_errors, fit.interval(0.95, term.number)[:, 1]
         half = (half - fit.parameters) * term.error
         centre = fit.parameters + term.change * error
         inside.append(np.abs(centre[:4] - TRUE["similarity"]) < half[:4])
-        if seed < 3:
-            # The displacement by a radial term about another centre, in units of 1000 px.
-            z = (source - PIVOT) @ [1e-3, 1e-3j] * np.exp(1j * fit.transform.rotation)
-            bent = [(z - c) * abs(z - c) ** 2 for c in (0, 1e-3, -1e-3, 1e-3j, -1e-3j)]
-            columns = [1000 * z, 1000j * z, -1 + 0 * z, -1j + 0 * z, bent[0]]
-            columns = np.transpose([*columns, bent[1] - bent[2], bent[3] - bent[4]])
-            rows = np.vstack([columns.real, columns.imag])
-            step, left, *_ = np.linalg.lstsq(rows, fit.residuals.T.ravel())
-            expected = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)) * left / 33)
-            assert (term.error * error)[:4] == pytest.approx(expected[:4], rel=5e-3)
-            assert (term.change * error)[:4] == pytest.approx(step[:4], rel=1e-2)
     for part in (inside[::2], inside[1::2]):
         sigma = np.sqrt(0.95 * 0.05 / len(part))
         assert np.abs(np.mean(part, axis=0) - 0.95).max() < 4 * sigma

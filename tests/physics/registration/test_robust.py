@@ -41,13 +41,10 @@ def test_few_right_points_are_kept(model):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_wrong_match_of_five_is_rejected(model):
-    known = {"source_covariance": np.diag([0.1, 0.001])}
-    found = 0
-    for seed in range(100):
-        source, target = stars(5, 0.03, seed, SHIFT, wrong=1)
-        fit = fit_registration(source, target, PIVOT, model=model, robust=True, **known)
-        found += fit.rejected[0] and not fit.rejected[1:].any()
-    assert found >= 99
+    source, target = stars(5, [0.3, 0.03], 1, SHIFT, 1, (100,))
+    known = {"source_covariance": np.diag([0.09, 0.0009])}
+    fit = fit_registration(source, target, PIVOT, model=model, robust=True, **known)
+    assert (fit.rejected == [True, False, False, False, False]).mean() > 0.99
 
 
 def test_wrong_matches_of_a_turned_field_are_rejected():
@@ -69,11 +66,3 @@ def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(monkeypatch
     assert (part.rejected != whole.rejected).mean() < 1e-3
     assert not part.rejected[:, 1::4].any()
     assert np.abs((part.parameters - TRUTH.parameters) / part.standard_errors).max() < 5
-
-
-def test_wrong_matches_of_a_mirror_image_are_rejected_by_an_affine_fit():
-    source, target = stars(20, wrong=5, batch=(50,))
-    mirrored = target * [-1, 1]
-    fit = fit_registration(source, mirrored, PIVOT, model="affine", robust=True)
-    assert fit.rejected[:, :5].all()
-    assert not fit.rejected[:, 5:].any()
