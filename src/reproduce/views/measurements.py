@@ -204,19 +204,18 @@ class RegistrationResult(_UserResult):
         ndarray, shape (p, 2)
             Bounds, in the unit of each parameter.
         """
-        centre, wider, further = self.parameters, np.ones(1), 0
-        if term is not None:
-            # The difference of two halves is no term of a model.
-            known = [name for name in self._sensitivities if name != "bright - faint"]
-            if term not in known:
-                raise ValueError(
-                    f"term: expected {', '.join(known) or 'none'}, got {term!r}. Leave it out"
-                )
-            one = self._sensitivities[term]
-            centre = centre + one.change * self.standard_errors
-            wider, further = one.error, one.number
-        ends = self.fit.interval(level, further) - self.parameters[:, None]
-        return centre[:, None] + ends * wider[:, None]
+        if term is None:
+            return self.fit.interval(level)
+        # The difference of two halves is no term of a model.
+        known = [name for name in self._sensitivities if name != "bright - faint"]
+        if term not in known:
+            raise ValueError(
+                f"term: expected {', '.join(known) or 'none'}, got {term!r}. Leave it out"
+            )
+        one = self._sensitivities[term]
+        centre = self.parameters + one.change * self.standard_errors
+        ends = self.fit.interval(level, one.number) - self.parameters[:, None]
+        return centre[:, None] + ends * one.error[:, None]
 
     @property
     def consistency(self) -> dict[str, float]:

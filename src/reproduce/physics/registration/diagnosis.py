@@ -180,7 +180,7 @@ def sensitivities(
 
 
 def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
-    """Return the displacements, (n, 2, columns), of the terms of richer models."""
+    """Return the displacements, (n, 2, columns), of the terms that the model does not contain."""
     apply, pivot = fit.transform.apply, fit.transform.pivot
     along = as_complex(apply(source) - apply(pivot[None]))
     squares = squared(along)
@@ -195,9 +195,11 @@ def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
     }
     if "radial" in fit.names:
         terms["decentring"] = moved
-    # `sensitivities` leaves out those that the model contains, also under other names.
+    # The affine model contains rotation and scale under other names: `sensitivities` finds it.
     return {
-        name: np.stack([*map(as_points, term)], axis=-1) for name, term in terms.items()
+        name: np.stack([*map(as_points, term)], axis=-1)
+        for name, term in terms.items()
+        if name not in fit.names
     }
 
 

@@ -291,10 +291,12 @@ def fit_problem(problem: Problem, robust: Flag = False) -> RegistrationFit:
     array([ 2.,  0., -3.,  0.])
     """
     used = _right_matches(problem) if robust else np.True_
-    return replace(_solved(problem, used), robust=robust)
+    return _solved(problem, used, robust)
 
 
-def _solved(problem: Problem, used: np.bool_ | BoolArray) -> RegistrationFit:
+def _solved(
+    problem: Problem, used: np.bool_ | BoolArray, robust: bool = False
+) -> RegistrationFit:
     """Return the fit of the used points."""
     rejected = (problem.counts > 0) & ~used
     problem = replace(problem, counts=problem.counts * used)
@@ -312,6 +314,7 @@ def _solved(problem: Problem, used: np.bool_ | BoolArray) -> RegistrationFit:
         cofactor,
         points,
         rejected,
+        robust,
     )
 
 
