@@ -63,7 +63,7 @@ def test_arguments_become_arrays_and_optional_ones_stay_none():
 
 
 class Quantity(np.ndarray):
-    unit, to = "m", None
+    unit = "m"
 
 
 # Arguments that `sample` rejects, and the error.
@@ -78,6 +78,8 @@ BAD = [
     ({"points": np.array([["2020-01-01"] * 2], dtype="M8[D]")}, TypeError),
     ({"points": np.ma.masked_greater([[1.0, 2.0]], 1)}, ValueError),
     ({"points": np.ones((2, 2)).view(Quantity)}, TypeError),
+    ({"points": [[np.ones(2).view(Quantity)]]}, TypeError),
+    ({"points": [[np.ma.masked_greater([1.0, 2.0], 1)]]}, ValueError),
     ({"scale": 0.0}, ValueError),
     ({"step": [1, 2]}, ValueError),
     ({"step": 0}, ValueError),

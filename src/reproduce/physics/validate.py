@@ -11,6 +11,7 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -58,18 +59,19 @@ def number_array(
 
     Infinity is accepted, too. An exact shape has no leading dimensions.
     """
-    # The entries of a list may have units or masks.
-    parts: Any = value if isinstance(value, (list, tuple)) else [value]
-    has_unit = any(
-        hasattr(part, "to") and (hasattr(part, "unit") or hasattr(part, "units"))
-        for part in parts
-    )
-    content: object = "a quantity" if has_unit else "rows of unequal length"
+    content: object = "rows of unequal length"
     try:
-        if has_unit:
+        # The entries of nested lists may have units or masks.
+        parts: Any = [value]
+        while parts and isinstance(parts[0], (list, tuple)):
+            parts = [*chain.from_iterable(parts)]
+        if any(
+            getattr(p, "unit", getattr(p, "units", None)) is not None for p in parts
+        ):
+            content = "a quantity"
             raise TypeError
         if any(map(np.ma.isMaskedArray, parts)):
-            value = np.ma.asarray(value)
+            value = np.ma.asarray(parts).reshape(np.shape(value))
         raw = np.asarray(value)
         content = raw.dtype
         if raw.dtype.kind in "cUSmM":

@@ -185,7 +185,8 @@ def _numbers(
         import pandas as pd
 
         column = pd.to_numeric(column.astype(object), errors="coerce").to_numpy()
-    plain = getattr(column, "value", getattr(column, "magnitude", column))
+    plain = getattr(column, "value", getattr(column, "magnitude", None))
+    plain = getattr(column, "values", column) if plain is None else plain
     try:
         return number_array(place, plain, shape=(None, *width), exact=True)
     except (TypeError, ValueError) as error:
