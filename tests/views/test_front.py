@@ -260,6 +260,7 @@ def test_the_platform_can_be_replaced_and_wrong_spots_are_named(lasers):
         ("zero", "spots.csv", zero),
         ("spots", now[:, :3], zero),
         ("spots", now[None], zero),
+        ("platform", now, zero, now),
     ):
         with pytest.raises(ValueError, match=rf"^{argument}\b.*: expected"):
             rp.misalignment(*wrong)
@@ -325,11 +326,11 @@ def test_a_wrong_platform_is_reported_in_one_line(tmp_path):
     platform, path = tmp_path / "platform.toml", tmp_path / "spots.csv"
     path.write_text("group,laser,x,y")
     for text, named in (
-        ("lasers = [", "expected TOML"),
+        ("lasers = [", "a TOML file of"),
         (TOML + "colour = 'red'", "of directions, tracker_focal_length"),
         (TOML.replace("5e-6", "5.0"), "pixel_pitch: expected metres"),
         (TOML.replace("[0.1, 0, 1]", "[0, 0, 1]"), "lights 1 and 2"),
-        (f"a={'[' * 5000}{']' * 5000}", "expected TOML"),
+        (f"a={'[' * 5000}{']' * 5000}", "a TOML file of"),
         (
             TOML.replace("dir", "spots=[[1, 2]]\n#").replace("5e-6", "9" * 400),
             "pixel_pitch",

@@ -91,7 +91,9 @@ def platform_of(source: Platform | FilePath | None) -> Platform:
         return make(**table)
     except (TypeError, ValueError, RecursionError) as error:
         known = ", ".join(inspect.signature(make).parameters)
-        raise ValueError(f"{source}: expected TOML of {known} ({error})") from error
+        raise ValueError(
+            f"platform: expected a Platform, or a TOML file of {known} ({error})"
+        ) from error
 
 
 def square_ratio(design: Platform) -> float:
