@@ -327,7 +327,7 @@ def test_a_wrong_platform_is_reported_in_one_line(tmp_path):
     path.write_text("group,laser,x,y")
     for text, named in (
         ("lasers = [", "a TOML file of"),
-        (TOML + "colour = 'red'", "of directions, tracker_focal_length"),
+        (TOML + "colour = 'red'", "unexpected keyword argument 'colour'"),
         (TOML.replace("5e-6", "5.0"), "pixel_pitch: expected metres"),
         (TOML.replace("[0.1, 0, 1]", "[0, 0, 1]"), "lights 1 and 2"),
         (f"a={'[' * 5000}{']' * 5000}", "a TOML file of"),

@@ -51,6 +51,9 @@ def misalignment(
     part: if a strong motion with a correlation of 0.7 is common to all spots, 95 % intervals about
     X and Y cover about 85 % for two groups of 8 images, 87 % for 12 and 90 % for 30.
 
+    The lights define the axes of the camera. If three or more lights do not fit the platform at
+    the zero point in any size, the errors of a large angle include the uncertain axes.
+
     Parameters
     ----------
     spots : path or array_like, shape (frames, lights, 2)
@@ -332,12 +335,15 @@ class MisalignmentResult(_UserResult):
         )
         self._function, self.inputs = monitored, INSTRUMENT if platform is None else ()
         self.platform = platform_of(platform)
-        count = len(self.platform.lasers)
-        images, self._labels = read_images(count, spots, zero, sep)
+        images, self._labels = read_images(len(self.platform.lasers), spots, zero, sep)
         self.diagnosis = result = diagnosis.diagnose_spots(self.platform, images)
         self.findings = result.findings
         self.found = monitored(
-            *result.images, result.platform, result.widening, result.freedom
+            *result.images,
+            result.platform,
+            result.widening,
+            result.freedom,
+            result.design_variance,
         )
         self.angles = self.found.angles
         self._facts = {

@@ -74,6 +74,11 @@ def stray(images):
     return images
 
 
+def one_wrong(images):
+    images[0][2, 1] += [5, 0]
+    return images
+
+
 def repeated(images):
     images[0][4:7] = images[0][:3]
     return images
@@ -106,7 +111,9 @@ FAULTS = {
     ),
     "motion": (SQUARE, drifting, "correlated", "drift"),
     "lost as zero": (SQUARE, stray, "stray", "present, light 3 in image 4 .*lost"),
-    "same files": (WIDE, repeated, "repeated", "zero point, 3 of .* repeat"),
+    "same files": (WIDE, repeated, "repeated", "^3 of 100 images repeat"),
+    "same group": (WIDE, lambda two: [two[0]] * 2, "repeated", "^50 of 100 images"),
+    "stray of two": (PAIR, one_wrong, "stray", "light 1 or 2 in image 3"),
     "two at once": (
         WIDE,
         lambda images: moved(1, 2)(moved(3, [-2, 3])(images)),
@@ -131,6 +138,14 @@ REFUSED = {
     "another instrument": (WIDE, of_both(lambda one: one * [1, 2]), "another platform"),
     "one place": (THREE, of_both(lambda one: one[:, [0, 1, 1]]), "lights 2 and 3"),
 }
+
+
+def interval(platform, images, turn=TURN):
+    """Diagnosis of images, whether the 95 % intervals contain the angles, and their widths."""
+    found = diagnose_spots(platform, tuple(images))
+    uncertain = found.widening, found.freedom, found.design_variance
+    low, high = monitored(*images, platform, *uncertain).interval(0.95)
+    return found, (low < turn) & (high > turn), high - low
 
 
 def kinds(platform, images):
@@ -172,11 +187,11 @@ def test_spots_of_another_platform_are_refused(count):
 
 @pytest.mark.parametrize(
     ("platform", "frames"),
-    [(SQUARE, 2), (SQUARE, 3), (SQUARE, 40), (WIDE, 5), (THREE, 10), (PAIR, 6)],
+    [(SQUARE, 2), (SQUARE, 3), (SQUARE, 40), (WIDE, 5), (THREE, 3), (PAIR, 6)],
 )
 def test_clean_spots_give_no_warning(platform, frames):
     """The rate of false warnings is 0.001, so that three of 300 have a probability of 0.004."""
-    rng = default_rng(frames)
+    rng = default_rng(frames + 1)
     found = [kinds(platform, drawn(platform, frames, rng)) for _ in range(300)]
     assert sum(map(bool, found)) <= 2
 
@@ -224,12 +239,19 @@ def test_intervals_cover_correlated_images_and_small_displacements(
         images = drawn(platform, frames, rng, correlation)
         angle = rng.uniform(0, 2 * np.pi)
         moved(1, shift * NOISE * np.array([np.cos(angle), np.sin(angle)]))(images)
-        found = diagnose_spots(platform, tuple(images))
-        low, high = monitored(
-            *images, platform, found.widening, found.freedom
-        ).interval(0.95)
-        inside.append((low < TURN) & (high > TURN))
+        inside.append(interval(platform, images)[1])
     assert np.mean(inside) > least
+
+
+def test_axes_of_lights_off_their_design_are_uncertain():
+    """A light off by two standard deviations of a spot: without axes, 15 % about X and Y."""
+    rng, turn = default_rng(1), np.radians([1, -1, 0])
+    true = np.stack([SQUARE.predicted(0 * turn), SQUARE.predicted(turn)])
+    design = replace(SQUARE, lasers=CORNERS + 17e-6 * np.eye(4, 2, -1))
+    sets = true[:, None] + 0.02 * rng.normal(size=(100, 2, 10, 4, 2))
+    assert np.mean([interval(design, one, turn)[1] for one in sets]) > 0.8
+    # A wrong size rotates no axis.
+    assert diagnose_spots(LONGER, tuple(drawn(SQUARE, 9, rng))).design_variance < 1e-3
 
 
 def test_groups_of_other_noise_are_named_and_widen_intervals():
@@ -238,11 +260,9 @@ def test_groups_of_other_noise_are_named_and_widen_intervals():
     for _ in range(100):
         zero, present = drawn(SQUARE, 30, rng)
         noisy = present[:5] + 5 * NOISE * rng.normal(size=(5, 4, 2))
-        found = diagnose_spots(SQUARE, (zero, noisy))
+        found, hits, _ = interval(SQUARE, (zero, noisy))
         assert [one.kind for one in found.findings] == ["uneven"]
-        average = monitored(zero, noisy, SQUARE, found.widening, found.freedom)
-        low, high = average.interval(0.95)
-        inside.append((low < TURN) & (high > TURN))
+        inside.append(hits)
     assert np.mean(inside) > 0.92
 
 
@@ -255,8 +275,7 @@ def test_equal_motions_of_all_spots_are_no_other_noise(moved_axes):
             one + 10 * NOISE * rng.normal(size=(8, 1, 2)) * moved_axes
             for one in drawn(SQUARE, 8, rng)
         ]
-        kinds = [one.kind for one in diagnose_spots(SQUARE, images).findings]
-        named += "uneven" in kinds
+        named += "uneven" in kinds(SQUARE, images)
     assert named < 2
 
 
@@ -279,12 +298,10 @@ def test_a_motion_of_short_series_widens_intervals_without_a_finding():
         images = drawn(SQUARE, 8, rng)
         for group in images:
             group += 3 * NOISE * noise(rng, (8, 1, 2), 0.7)
-        found = diagnose_spots(SQUARE, tuple(images))
+        found, hits, width = interval(SQUARE, images)
         named += len(found.findings)
-        average = monitored(*images, SQUARE, found.widening, found.freedom)
-        low, high = average.interval(0.95)[:, :2]
-        inside.append((low < TURN[:2]) & (high > TURN[:2]))
-        assert (high - low).max() < np.radians(1)
+        inside.append(hits[:2])
+        assert width[:2].max() < np.radians(1)
     # Five standard errors below 0.85; 0.6 if only a finding widens the intervals.
     assert np.mean(inside) > 0.72
     assert named < 10
@@ -327,6 +344,9 @@ def test_lights_keep_their_numbers_when_others_are_lost():
     found, lost = diagnose_spots(WIDE, tuple(images)).findings
     assert "light 5 is displaced" in found.text
     assert lost.text.startswith("9 of 90 spots")
+    images[1][4] *= 0
+    with pytest.raises(ValueError, match=r"^spots: .* one place"):
+        interval(WIDE, images)
     images[1][:, 1:4] = np.nan
     with pytest.raises(
         ValueError, match=r"^spots: expected two lights or more .* got 1"

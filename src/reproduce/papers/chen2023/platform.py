@@ -11,7 +11,6 @@ Two assumptions replace numbers that the paper does not print:
 
 from __future__ import annotations
 
-import inspect
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -90,9 +89,10 @@ def platform_of(source: Platform | FilePath | None) -> Platform:
             make = Platform.of_spots
         return make(**table)
     except (TypeError, ValueError, RecursionError) as error:
-        known = ", ".join(inspect.signature(make).parameters)
         raise ValueError(
-            f"platform: expected a Platform, or a TOML file of {known} ({error})"
+            "platform: expected a Platform, or a TOML file of lasers and camera_focal_length, or "
+            "of directions, or of spots, with tracker_focal_length, pixel_pitch and "
+            f"principal_point ({error})"
         ) from error
 
 

@@ -2,14 +2,14 @@
 
 Spots have shape (frames, n, 2), in px, and are NaN if lost. Group 0 is the zero point, group 1 the
 present. Lights and images are counted from one. Spots without a fault and with white noise cause
-a finding in about ``_FALSE_ALARM`` of all data sets.
+a finding in about 1/1000 of all data sets.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 from scipy.special import fdtrc, fdtri, ndtri
@@ -30,9 +30,9 @@ from reproduce.physics.validate import (
     IntArray,
 )
 
-# Probability of a finding without a fault, and the number of tests that share it: two patterns, the
-# correlation of spots and of angles, and the noise of both groups.
-_FALSE_ALARM, _TEST_COUNT = 1e-3, 5
+# Probability that a test finds a fault where there is none. Five tests share 1e-3: of two patterns,
+# of the correlation of spots and of angles, and of the noise of both groups.
+_FALSE_ALARM = 1e-3 / 5
 # Probability, of each test of correlation and noise, that equal white noise changes the errors. It
 # exceeds the probability of a finding, because few images show a fault in part.
 _WIDE_ALARM = 0.05
@@ -47,9 +47,11 @@ _KNOWN_FREEDOM = 1e9
 _MISFIT_FACTOR = 20.0
 # Residual of spots of another platform, as a fraction of the size of the pattern.
 _FOREIGN_FRACTION = 0.1
-# Distance of a spot from its place in other images, over the median distance, that noise cannot
-# explain.
-_FAR_RATIO = 20.0
+# Distance of a spot from its place in other images, over this quantile of all distances, that noise
+# cannot explain. Of three lights or three images, a third may be at the median, with no distance.
+_FAR_RATIO, _USUAL_QUANTILE = 20.0, 2 / 3
+# Smallest ratio of distances that are equal.
+_TIE_RATIO = 0.99
 # Largest step of rounded coordinates, in px, and the decimals that distinguish them.
 _LARGEST_STEP_PX, _DECIMALS = 1.0, 3
 # Iterations of a fit of rotation and size.
@@ -85,6 +87,8 @@ _UNEVEN_TEXT = (
     "the mean includes it, but errors of single images and posteriors assume equal noise. Take "
     "images of equal noise"
 )
+_SPARE_TEXT = "no group has two images of a light, so the noise is unknown. Add images"
+_LOST_TEXT = "{} of {} spots are lost: an image with fewer spots has less weight"
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +114,9 @@ class Diagnosis:
         `chi_square` above 1.
     freedom : float
         Upper limit of the degrees of freedom of the standard error.
+    design_variance : float
+        Variance of a coordinate of a light about its designed place at the zero point, in a pattern
+        of free size and without the noise, in px^2. It makes the axes of the camera uncertain.
     """
 
     platform: Platform
@@ -118,6 +125,7 @@ class Diagnosis:
     agreement: dict[str, float]
     widening: float
     freedom: float
+    design_variance: float
 
 
 def diagnose_spots(
@@ -150,7 +158,7 @@ def diagnose_spots(
     >>> lasers = np.array([[1e-3, 0], [0, 1e-3], [-1e-3, 0], [0, -1e-3]])
     >>> spots = np.array([[20.0, 0], [0, 20], [-20, 0], [0, -20]])
     >>> platform = Platform(lasers, 1.0, 0.05, 5e-6, np.zeros(2))
-    >>> findings = diagnose_spots(platform, (spots[None], spots[None])).findings
+    >>> findings = diagnose_spots(platform, (spots[None], spots[None] + 1)).findings
     >>> [finding.kind for finding in findings]
     ['scale', 'spare']
     """
@@ -168,108 +176,151 @@ def diagnose_spots(
     )
     counts, images = counts[:, seen], (images[0][:, seen], images[1][:, seen])
     means = [np.nanmean(group, axis=0) for group in images]
-    _check_distinct("spots", means[0], lights)
+    for mean in means:
+        _check_distinct("spots", mean, lights)
     series = [
         np.nan_to_num(group - mean).reshape(len(group), -1)
         for group, mean in zip(images, means, strict=True)
     ]
-    # Without the images that lack all spots.
-    spares, sizes = 2 * (counts - 1).sum(axis=1), counts.max(axis=1)
-    squares = np.array([np.square(group).sum() for group in series])
-    noise, freedom = _UNKNOWN_NOISE_PX, _KNOWN_FREEDOM
-    if spare := int(spares.sum()):
-        noise, freedom = max((squares.sum() / spare) ** 0.5, _MIN_NOISE_PX), spare
-    noises, chance, factor, limit = np.full(2, noise), 1.0, 1.0, np.inf
-    if spares.all() and not drifts:
-        each = np.maximum((squares / spares) ** 0.5, _MIN_NOISE_PX)
-        low, high = np.argsort(each)
-        # The spots of an image may move together, in both directions or in one.
-        scatter = sum(group.T @ group for group in series)
-        size = max(np.linalg.norm(scatter), np.finfo(float).tiny)
-        free = (sizes - 1) * min((scatter.trace() / size) ** 2, 2.0)
-        chance = 2 * fdtrc(free[high], free[low], (each[high] / each[low]) ** 2)
-        if chance < _WIDE_ALARM:
-            noises, freedom, parts = each, spares.min(), each**2 / sizes
-            factor = (parts.sum() / (1 / sizes).sum()) ** 0.5 / noise
-            # Welch and Satterthwaite.
-            limit = parts.sum() ** 2 / (parts**2 / (sizes - 1)).sum()
-    steady = series[: 1 if drifts else 2]
-    response = platform.response(means[0]).reshape(3, -1)
-    unit_response = response.T / np.linalg.norm(response, axis=1)
-    angles = [group @ unit_response for group in steady]
-    score, lag, widening = max(map(_correlation, (steady, angles)))
-    correlated = score > -ndtri(_FALSE_ALARM / _TEST_COUNT)
-    variance = np.cumsum((noises[:, None] * widening) ** 2 / counts, axis=0)
+    noise = _noise(series, counts, drifts)
+    score, lag, widening = _correlated(
+        series[: 1 if drifts else 2], platform.response(means[0]).reshape(3, -1)
+    )
+    correlated = score > -ndtri(_FALSE_ALARM)
+    variance = np.cumsum((noise.pixels[:, None] * widening) ** 2 / counts, axis=0)
     zero = Platform.of_spots(means[0], *platform.tracker[::-1])
     findings = [*_single_images(images, lights)]
-    if not (findings or correlated) and chance < _FALSE_ALARM / _TEST_COUNT:
-        findings.append(Finding("uneven", _UNEVEN_TEXT.format(*noises)))
-    tolerated = _MISFIT_FACTOR * correlated
+    if not (findings or correlated) and noise.chance < _FALSE_ALARM:
+        findings.append(Finding("uneven", _UNEVEN_TEXT.format(*noise.pixels)))
+    tolerated, off_design = _MISFIT_FACTOR * correlated, []
     for model, spots, errors, problem in zip(
         (platform, zero), means, variance, _PROBLEMS, strict=True
     ):
-        fits = _fits(model, spots, errors, freedom, tolerated, lights)
-        fit = next(fits)
-        findings += _misfit(fit, fits, spots.std(axis=0).max(), problem)
-    if not spare:
-        findings.append(
-            Finding(
-                "spare",
-                "no group has two images of a light, so the noise is unknown. Add images",
-            )
+        fits = _fits(model, spots, errors, noise.freedom, tolerated, lights)
+        fit, scaled = next(fits), next(fits)
+        off_design.append(max(scaled.misfit - 1.0, 0.0))
+        findings += _misfit(
+            fit, chain([scaled], fits), spots.std(axis=0).max(), problem
         )
+    if counts.max() < 2:
+        findings.append(Finding("spare", _SPARE_TEXT))
+    factor, limit = noise.factor, noise.limit
     if score > -ndtri(_WIDE_ALARM):
-        independent = sizes.sum() * (1 - lag**2) / (1 + lag**2)
+        independent = counts.max(axis=1).sum() * (1 - lag**2) / (1 + lag**2)
         factor, limit = factor * widening, min(limit, max(independent, _MIN_FREEDOM))
     if correlated:
         text = _CORRELATED_TEXT.format(lag, widening) + _DRIFT_TEXT * (not drifts)
         findings.append(Finding("correlated", text))
     if lost:
-        findings.append(
-            Finding(
-                "lost",
-                f"{lost} of {total} spots are lost: an image with fewer spots has less weight",
-            )
-        )
-    low, high = fdtri(fit.freedom, freedom, [0.025, 0.975]).tolist()
+        findings.append(Finding("lost", _LOST_TEXT.format(lost, total)))
+    low, high = fdtri(fit.freedom, noise.freedom, [0.025, 0.975]).tolist()
     if fit.misfit > high:
         limit = min(limit, fit.freedom)
-    factor *= max(fit.misfit, 1.0) ** 0.5
-    agreement = {
-        "chi_square": fit.misfit,
-        "low": low,
-        "high": high,
-        "residual_rms": fit.rms,
-    }
-    return Diagnosis(platform, images, findings, agreement, factor, limit)
+    return Diagnosis(
+        platform=platform,
+        images=images,
+        findings=findings,
+        agreement={
+            "chi_square": fit.misfit,
+            "low": low,
+            "high": high,
+            "residual_rms": fit.rms,
+        },
+        widening=factor * max(fit.misfit, 1.0) ** 0.5,
+        freedom=limit,
+        design_variance=variance[0].mean() * off_design[0],
+    )
+
+
+def _correlated(
+    series: list[FloatArray], response: FloatArray
+) -> tuple[float, float, float]:
+    """Return the larger `_correlation`: of spots (frames, 2 n), or of the rotations they cause."""
+    unit_response = response.T / np.linalg.norm(response, axis=1)
+    angles = [group @ unit_response for group in series]
+    return max(map(_correlation, (series, angles)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Noise:
+    """Noise of a coordinate of a spot in both groups, and its effect on mean angles.
+
+    Fields: noise in px, shape (2,), and its degrees of freedom; probability of such a ratio if both
+    are equal; factor on the standard error for equal noise, and limit of its degrees of freedom.
+    """
+
+    pixels: FloatArray
+    freedom: float
+    chance: float = 1.0
+    factor: float = 1.0
+    limit: float = np.inf
+
+
+def _noise(series: list[FloatArray], counts: IntArray, drifts: bool) -> _Noise:
+    """Return the noise of spots (frames, 2 n) about their means, from counts (2, n) of spots.
+
+    It is equal in both groups if group 1 drifts, a group has no scatter, or no difference is seen.
+    """
+    # Without the images that lack all spots.
+    spares, sizes = 2 * (counts - 1).sum(axis=1), counts.max(axis=1)
+    if not (spare := spares.sum()):
+        return _Noise(np.full(2, _UNKNOWN_NOISE_PX), _KNOWN_FREEDOM)
+    squares = np.array([np.square(group).sum() for group in series])
+    noise = max((squares.sum() / spare) ** 0.5, _MIN_NOISE_PX)
+    equal = _Noise(np.full(2, noise), spare)
+    if drifts or not squares.all():
+        return equal
+    each = np.maximum((squares / spares) ** 0.5, _MIN_NOISE_PX)
+    low, high = np.argsort(each)
+    # The spots of an image may move together, in both directions or in one.
+    spots = np.concatenate(series)
+    scatter = spots.T @ spots
+    free = (sizes - 1) * min((scatter.trace() / np.linalg.norm(scatter)) ** 2, 2.0)
+    chance = 2 * fdtrc(free[high], free[low], (each[high] / each[low]) ** 2)
+    if chance > _WIDE_ALARM:
+        return equal
+    parts = each**2 / sizes
+    return _Noise(
+        pixels=each,
+        freedom=spares.min(),
+        chance=chance,
+        factor=(parts.sum() / (1 / sizes).sum()) ** 0.5 / noise,
+        # Welch and Satterthwaite.
+        limit=parts.sum() ** 2 / (parts**2 / (sizes - 1)).sum(),
+    )
 
 
 def _single_images(images: Images, lights: IntArray) -> Iterator[Finding]:
     """Yield the faults of single images: repeated ones, and a spot far from its place."""
+    every = np.concatenate(images)
+    whole = every[np.isfinite(every[..., 0]).any(axis=1)]
+    if repeats := len(whole) - len({image.tobytes() for image in whole}):
+        yield Finding(
+            "repeated",
+            f"{repeats} of {len(whole)} images repeat another image: copies, or too few digits?",
+        )
     for when, spots in zip(("zero point", "present"), images, strict=True):
         # The place of a spot is relative to the other spots of its image.
         rows = np.flatnonzero(np.isfinite(spots[..., 0]).sum(axis=1) > 1)
         if not len(rows):
             continue
-        group, off = spots[rows], (spots - np.nanmedian(spots, axis=0))[rows]
-        if repeats := len(group) - len({image.tobytes() for image in group}):
-            yield Finding(
-                "repeated",
-                f"at the {when}, {repeats} of {len(group)} images repeat another image: copies, "
-                "or too few digits?",
-            )
+        off = (spots - np.nanmedian(spots, axis=0))[rows]
         # The spots of an image move together.
         distance = np.linalg.norm(off - np.nanmedian(off, axis=1)[:, None], axis=2)
-        row, light = np.unravel_index(np.nanargmax(distance), distance.shape)
-        far = distance[row, light]
+        largest = np.nanmax(distance, axis=1)
+        row = largest.argmax()
         # Spots that are rounded to the same number have no scatter, except that of the rounding.
         steps = np.diff(np.unique(off.round(_DECIMALS)))
         rounding = np.nanmin(steps, initial=_LARGEST_STEP_PX) / np.sqrt(12)
-        if far > _FAR_RATIO * max(np.nanmedian(distance), _MIN_NOISE_PX, rounding):
+        usual = np.nanquantile(distance, _USUAL_QUANTILE)
+        if largest[row] > _FAR_RATIO * max(usual, _MIN_NOISE_PX, rounding):
+            # Two lights have the same distance from their centre.
+            named = lights[distance[row] > _TIE_RATIO * largest[row]]
             yield Finding(
                 "stray",
-                f"at the {when}, light {lights[light]} in image {rows[row] + 1} is {far:.2g} px "
-                "from its place: a wrong spot? Mark it as lost (NaN or masked)",
+                f"at the {when}, light {' or '.join(map(str, named))} in image {rows[row] + 1} is "
+                f"{largest[row]:.2g} px from its place: a wrong spot? Mark it as lost (NaN or "
+                "masked)",
             )
 
 
@@ -299,17 +350,17 @@ def _fits(
     tolerated: float,
     numbers: IntArray,
 ) -> Iterator[_Fit]:
-    """Yield the fit of a platform to mean spots (n, 2), then the fit under each possible cause.
+    """Yield the fit of a platform to mean spots (n, 2), of a free size, then under other causes.
 
     The variance of a coordinate of each spot, (n,) in px^2, has `known` degrees of freedom. Misfits
     up to `tolerated` are expected. The lights have these numbers.
     """
     lasers, weights = platform.lasers, 1 / variance
     causes = [("pattern", "", lasers, weights), ("scale", "", lasers, weights)]
-    for pair in combinations(range(len(lasers)), 2):
+    for i, j in combinations(range(len(lasers)), 2):
         swapped = lasers.copy()
-        swapped[[*pair]] = lasers[[*pair[::-1]]]
-        named = "{} and {}".format(*numbers[[*pair]])
+        swapped[[i, j]] = lasers[[j, i]]
+        named = f"{numbers[i]} and {numbers[j]}"
         causes.append(("swapped", named, swapped, weights))
     if len(lasers) > 2:
         causes.append(("mirrored", "", lasers * [-1, 1], weights))
@@ -333,7 +384,7 @@ def _fits(
         # Two lights have no misfit if the size is free.
         freedom = max(2 * int(np.count_nonzero(weights)) - 3 - is_free, 1)
         misfit = float(weights @ off**2 / freedom)
-        largest = float(fdtri(freedom, known, 1 - _FALSE_ALARM / _TEST_COUNT))
+        largest = float(fdtri(freedom, known, 1 - _FALSE_ALARM))
         yield _Fit(
             kind=kind,
             text=_TEXTS[kind].format(named=named, off=off.max(), scale=scale),
@@ -362,17 +413,18 @@ def _misfit(
     # Three lights fit without one light too.
     if refused and all(cause.kind != "scale" for cause in good):
         good = refused
-    if not (good or is_right):
+    if not good:
+        if is_right:
+            return
         fraction = min(c.rms for c in causes if c.kind != "displaced") / size
         if fraction > _FOREIGN_FRACTION:
             raise ValueError(f"spots: {problem}: {_FOREIGN_TEXT.format(fraction)}")
         best = min(causes, key=lambda cause: cause.misfit)
         good = [best if best.misfit * _MISFIT_FACTOR < design.misfit else design]
     text = f"{problem}: {'; or '.join(cause.text for cause in good)}"
-    if good and good[0].kind in _REFUSED_KINDS:
+    if good[0].kind in _REFUSED_KINDS:
         raise ValueError(f"spots: {text}")
-    for cause in good[:1]:
-        yield Finding(cause.kind, text)
+    yield Finding(good[0].kind, text)
 
 
 def _size(points: FloatArray, weights: FloatArray) -> float:

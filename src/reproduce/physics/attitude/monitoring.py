@@ -14,7 +14,12 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.validate import BoolArray, FloatArray, number_array
+from reproduce.physics.validate import (
+    BoolArray,
+    DegenerateGeometryError,
+    FloatArray,
+    number_array,
+)
 
 # Fewest images whose neighbours are compared.
 _MIN_IMAGES = 5
@@ -85,7 +90,7 @@ class Monitoring:
 
     def interval(self, level: float) -> FloatArray:
         """Return the central interval of the mean by Student's t-distribution, shape (2, 3)."""
-        half = stdtrit(self.freedom or np.nan, 0.5 + level / 2) * self.error
+        half = stdtrit(self.freedom, 0.5 + level / 2) * self.error
         return np.stack([self.mean - half, self.mean + half])
 
 
@@ -95,6 +100,7 @@ def monitored(
     platform: Platform,
     widening: float = 1.0,
     limit: float = np.inf,
+    design_variance: float = 0.0,
 ) -> Monitoring:
     """Return the rotation of the camera since the zero point, in every image.
 
@@ -106,8 +112,9 @@ def monitored(
         Images at the zero point, which are averaged, and at the present, in px; NaN if lost.
     platform : Platform
         Platform with n lights, each of which has spots at the zero point.
-    widening, limit : float
-        As in `Diagnosis`: factor on the standard error, and limit of its degrees of freedom.
+    widening, limit, design_variance : float
+        As in `Diagnosis`: factor on the standard error, limit of its degrees of freedom, and
+        variance of lights about their designed places.
 
     Returns
     -------
@@ -116,10 +123,8 @@ def monitored(
 
     Raises
     ------
-    DegenerateGeometryError
-        As for `laser_transform`.
     ValueError
-        If no image of a group has two lights.
+        If no image of a group has two lights, or all spots of an image are at one place.
 
     Notes
     -----
@@ -138,7 +143,7 @@ def monitored(
     before = number_array("zero_spots", zero_spots, shape=shape)
     now = number_array("spots", spots, shape=shape)
     zero = _zero_point(before)
-    squares, freedom, smallest = np.zeros(3), 0, np.full(3, np.inf)
+    squares, freedom = np.zeros(3), 0
     for name, images in (("zero_spots", before), ("spots", now)):
         usable, single, response = _measured(name, images, zero, platform)
         # Variance of small rotations for spots of unit variance.
@@ -149,7 +154,6 @@ def monitored(
         offsets = (single - mean) @ np.linalg.inv(turned).T
         squares += (np.square(offsets) / variance).sum(axis=0)
         freedom += len(single) - 1
-        smallest = np.minimum(smallest, variance.min(axis=0))
     # Noise of a spot, in px, from the scatter of the rotations about each axis.
     noise = np.sqrt(squares / (freedom or np.nan))
     counts = np.isfinite(before[..., 0]).sum(axis=0)
@@ -163,12 +167,16 @@ def monitored(
     covariance[usable] = present @ present.mT
     variance = np.square(past) @ (1 / np.repeat(counts, 2))
     variance += np.square(weights[..., None] * present).sum(axis=(0, 2))
+    # Lights off their designed places rotate the axes of both groups equally.
+    complete = platform.response(zero).reshape(3, -1)
+    axes = (turned - turned.T) @ complete
+    variance = widening**2 * variance + design_variance * np.square(axes).sum(axis=1)
     return Monitoring(
         angles,
         covariance,
         mean,
-        np.sqrt(np.square(turned * noise) @ smallest),
-        widening * np.sqrt(variance),
+        np.sqrt(np.square(turned * noise) @ np.square(complete).sum(axis=1)),
+        np.sqrt(variance),
         min(freedom, limit),
     )
 
@@ -203,7 +211,13 @@ def _measured(
         )
     lights = seen[usable]
     spots = np.where(lights[..., None], images[usable], zero)
-    # The zero point of an image has the lights of the image.
-    angles = platform.misalignment(spots, platform.transform(zero, lights), lights)
+    try:
+        # The zero point of an image has the lights of the image.
+        angles = platform.misalignment(spots, platform.transform(zero, lights), lights)
+    except DegenerateGeometryError as error:
+        raise ValueError(
+            f"{name}: expected two places or more in each image, got spots at one place. Mark "
+            f"lost spots (NaN or masked) ({error})"
+        ) from error
     response = platform.response(spots, lights)
     return usable, angles, response.reshape(*angles.shape, -1)

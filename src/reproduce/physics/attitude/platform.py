@@ -13,7 +13,7 @@ w_i^k in the tracker. Leading axes are a batch.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -31,6 +31,7 @@ from reproduce.physics.optics import ideal_positions
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
+    IntArray,
     Point,
     Points,
     Size,
@@ -138,15 +139,15 @@ def received_spots(
     return principal_point[..., None, :] - offsets
 
 
-def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
+def _check_distinct(
+    name: str, points: FloatArray, numbers: Sequence[int] | IntArray
+) -> None:
     """Raise `ValueError` if two lights, called by their numbers, have the same position."""
-    for (first, point), (second, other) in combinations(
-        zip(numbers, points, strict=True), 2
-    ):
-        if (point == other).all():
+    for i, j in combinations(range(len(points)), 2):
+        if (points[i] == points[j]).all():
             raise ValueError(
-                f"{name}: expected different positions, got lights {first} and {second} at one "
-                "place. Correct or remove one of them"
+                f"{name}: expected different positions, got lights {numbers[i]} and {numbers[j]} "
+                "at one place. Correct or remove one of them"
             )
 
 
