@@ -277,9 +277,17 @@ def test_address_and_doi_are_those_of_the_environment_or_of_the_wheel(
 
 
 def test_figures_are_drawn_equal_and_mark_every_printed_value(tmp_path):
-    for name in ("a.svg", "b.svg"):
-        rp.figure("niu2024/fig-4").save(tmp_path / name)
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    parameters = rp.figure("niu2024/drawing-table-3")
+    data, shown = parameters.data, parameters._repr_html_()
+    first, again = (
+        figure.save(tmp_path / f"{i}.svg").read_bytes()
+        for i, figure in enumerate([parameters, rp.figure(parameters.key)])
+    )
+    assert first == again
+    assert shown == parameters._repr_html_()
+    assert parameters.data.equals(data)
+    across = data.query("panel == 1 and curve == 'curve 8'")
+    assert_allclose(across["y"], [-0.5, 2.5], err_msg="a margin of a quarter of 2")
     lines = [
         line for axes in rp.figure("chen2023/table-4").drawn.axes for line in axes.lines
     ]

@@ -7,6 +7,7 @@ import json
 import re
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from copy import deepcopy
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -80,7 +81,9 @@ def _curves(axes: Axes) -> Iterator[tuple[str, Any]]:
     """Yield the names and the points of the lines, areas, marks and labels of a panel."""
     from matplotlib.collections import PathCollection, QuadMesh
 
-    # A line across the panel has one coordinate that is a fraction of the panel.
+    # A line across the panel has one coordinate that is a fraction of the panel, whose limits
+    # matplotlib sets when it draws.
+    axes.autoscale_view()
     found: list[Any] = [
         (
             line.get_label(),
@@ -113,7 +116,8 @@ def _content(figure: _Drawn, form: str, note: str = "") -> bytes:
     buffer = io.BytesIO()
     with _LOCK, style.context(_STYLE, after_reset=True):
         metadata = {subject: note, **dict.fromkeys(dates)}
-        figure.savefig(buffer, format=form, metadata=metadata)
+        # The layout of a drawn figure would move the next one by some pixels.
+        deepcopy(figure).savefig(buffer, format=form, metadata=metadata)
     if form != "svg":
         return buffer.getvalue()
     # Pages contain many figures: no space between tags, and none at the ends of lines.
