@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 # Formats and the endings of their files.
 FORMATS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
-# In LaTeX, longer texts have several lines.
-_SENTENCE_CHARACTERS = 30
+# In LaTeX, longer texts have several lines, and numbers have the digits that errors may need.
+_SENTENCE_CHARACTERS, _DIGITS = 30, 12
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -77,7 +77,7 @@ def export_frame(
     texts = {"caption": caption, "legend": legend, "comment": comment}
     if form == "markdown":
         return written("table.md", lines=lines, **texts)
-    lines = [[entry_text(entry, 6) for entry in line] for line in lines]
+    lines = [[entry_text(entry, _DIGITS) for entry in line] for line in lines]
     columns = [
         rf">{{\raggedright\arraybackslash}}p{{{2 / (1 + len(lines[0])):.2f}\linewidth}}"
         if max(map(len, column)) > _SENTENCE_CHARACTERS

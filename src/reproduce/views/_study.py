@@ -12,6 +12,7 @@ from reproduce.papers.declare import Study, study
 from reproduce.views import _numbers as numbers
 from reproduce.views._base import Change, Rerunnable
 from reproduce.views._blocks import Block, Grid, Html
+from reproduce.views._export import export_frame
 from reproduce.views._keys import check_choice, element
 from reproduce.views._sweep import Point, Sweep
 
@@ -42,16 +43,16 @@ class StudyTable(Rerunnable):
 
     def sweep(
         self,
-        moved: str | Sequence[str],
+        address: str | Sequence[str],
         values: Sequence[str | Sequence[str]],
         columns: Sequence[str] = (),
-        rows: Mapping[str, Any] | None = None,
+        rows: Mapping[str, Any] = {},
     ) -> Sweep:
         """Compute the table for several values of a printed input.
 
         Parameters
         ----------
-        moved : str or sequence of str
+        address : str or sequence of str
             A cell in `inputs`, or several cells that change together.
         values : sequence
             Values as printed: ``["0.02 px", "0.05 px"]``; a tuple of values for several cells.
@@ -67,44 +68,49 @@ class StudyTable(Rerunnable):
 
         Raises
         ------
+        TypeError
+            If the address is not text.
         ValueError
             If there is no such column of numbers, or no row has such an entry.
         """
-        every, chosen = self._declared.text.columns, rows or {}
-        for name in chosen:
-            check_choice("rows", name, [*self.frame()])
+        every = self._declared.text.columns
         known = {c.name: c for c in every if c.form}
         for name in columns:
             check_choice("columns", name, known)
-        shown = [*columns] or [name for name in known if name != every[0].name]
-        heads = [c.name for c in every if not c.form] or [every[0].name]
+        for name in rows:
+            check_choice("rows", name, [c.name for c in every])
+        first = every[0].name
+        shown = columns or [name for name in known if name != first]
+        heads = [c.name for c in every if not c.form] or [first]
 
-        def entries(table: StudyTable) -> Iterator[tuple[str, str, float]]:
-            """Yield label, text and value of each number."""
+        def selected(table: StudyTable) -> pd.DataFrame:
+            """Return the rows to show."""
             frame = table.frame()
-            for name, some in chosen.items():
-                frame = frame[frame[name].isin(np.atleast_1d(some))]
-            varied = [name for name in heads if frame[name].nunique() > 1]
-            for row in frame.to_dict("records"):
-                texts = [
-                    v if isinstance(v := row[n], str) else f"{n} {v}" for n in varied
-                ]
-                for name in shown:
-                    text = numbers.entry(row[name], known[name])
-                    yield ", ".join((*texts, name)), text, row[name]
+            for name, entries in rows.items():
+                frame = frame[frame[name].isin(np.atleast_1d(entries))]
+            return frame
 
-        before = [*entries(self)]
+        before = selected(self)
+        varied = [name for name in heads if before[name].nunique() > 1]
+        labels = [
+            [v if isinstance(v, str) else f"{name} {v}" for name, v in row.items()]
+            for row in before[varied].to_dict("records")
+        ]
 
         def compute(step: Change) -> Iterator[Point]:
-            after = [*entries(self.rerun(step))]
-            if not before or len(before) != len(after):
+            after = selected(self.rerun(step))
+            if before.empty or len(before) != len(after):
                 raise ValueError(f"{self.key}: expected the same rows at every value")
-            for (label, _, old), (_, text, new) in zip(before, after, strict=True):
-                ends = None, None  # not predicted
-                yield label, label, "", text, new, *ends, old, *ends
+            both = before.to_dict("records"), after.to_dict("records")
+            for texts, old, new in zip(labels, *both, strict=True):
+                for name in shown:
+                    label = ", ".join((*texts, name))
+                    text = numbers.entry(new[name], known[name])
+                    ends = (None, None)
+                    yield label, label, "", text, new[name], *ends, old[name], *ends
 
         return Sweep(
-            self.title, moved, values, compute, "values for the printed inputs"
+            self.title, address, values, compute, "values for the printed inputs"
         )
 
     def frame(self) -> pd.DataFrame:
@@ -112,20 +118,28 @@ class StudyTable(Rerunnable):
         frame: pd.DataFrame = self._made
         return frame.copy()
 
+    def export(self, form: str) -> str:
+        """Return the numbers as csv or json, or the displayed digits as latex or markdown."""
+        frame = self.frame() if form in {"csv", "json"} else self._displayed()
+        return export_frame(frame, form, self.provenance)
+
+    def _displayed(self) -> pd.DataFrame:
+        """Return the numbers in the format of their columns."""
+        frame = self.frame()
+        columns = self._declared.text.columns
+        return pd.DataFrame(
+            {c.name: [numbers.entry(v, c) for v in frame[c.name]] for c in columns}
+        )
+
     def blocks(self) -> Iterator[Block]:
         """Yield the formatted table, or its first rows."""
-        frame, columns = self.frame(), self._declared.text.columns
-        caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
-        rows = [
-            [numbers.entry(row[c.name], c) for c in columns]
-            for row in frame.head(_MAX_ROWS).to_dict("records")
-        ]
-        where = element(self.key)
-        identifier = f"{where}-changed" if self.changes else where
-        yield Grid(
-            caption, [column.name for column in columns], rows, identifier, "rp-study"
-        )
+        frame = self._displayed()
+        caption = f"{self._made.attrs['caption']} {self._setting()}".rstrip()
+        rows = frame.head(_MAX_ROWS).to_numpy().tolist()
+        # A link leads to the table without a change.
+        where = "" if self.changes else element(self.key)
+        yield Grid(caption, [*frame], rows, where, "rp-study")
         if omitted := len(frame) - len(rows):
             yield f"{omitted:,} more rows are in its files."
-        if not self.changes:
+        if where:
             yield Html(self._toolbar(where), self.key)
