@@ -32,9 +32,9 @@ def test_every_printed_cell_has_one_record_and_a_frozen_verdict(whole):
     assert [record.cell for record in whole.records] == printed
     assert len(set(printed)) == len(printed) == 343
     assert set(ledger.frozen()) == set(printed)
-    assert ledger.changed_verdicts(whole) == []
+    assert whole.changed_verdicts() == []
     changed = whole.records[0].model_copy(update={"verdict": "exact"})
-    (found,) = ledger.changed_verdicts(Ledger(records=(changed,), tables=()))
+    (found,) = Ledger(records=(changed,), tables=()).changed_verdicts()
     assert found == (printed[0], "input", "exact")
 
 

@@ -14,7 +14,7 @@ import reproduce as rp
 def test_a_terminal_shows_the_progress_on_standard_error():
     ours, process_end = pty.openpty()
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "80"}
-    command = [sys.executable, "-m", "reproduce", "check", "niu2024/table-3"]
+    command = [sys.executable, "-m", "reproduce", "posterior", "averaging-x"]
     with subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=process_end, env=environment
     ) as process:
@@ -27,7 +27,7 @@ def test_a_terminal_shows_the_progress_on_standard_error():
                 break
     os.close(ours)
     assert process.returncode == 0
-    assert re.search(b"recomputing.* 100%", shown)
+    assert re.search(b"sampling.* 100%", shown)
 
 
 def test_output_is_utf_8_for_any_encoding_of_the_stream():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from functools import cache
 from itertools import chain
 from typing import Any, Literal
@@ -129,23 +129,27 @@ class Ledger(Frozen):
     citation: str = ""
     """how to cite an export, and the paper"""
 
+    def changed_verdicts(self) -> list[tuple[str, str, str]]:
+        """Return the cells whose verdict is not the frozen one, with both, frozen first."""
+        known = {address: one.verdict for address, one in frozen().items()}
+        return [
+            (one.cell, before, one.verdict)
+            for one in self.records
+            if one.verdict != (before := known.get(one.cell, "none"))
+        ]
+
     def of(self, key: str) -> list[Record]:
         """Return the records of one item, in printed order."""
         return [record for record in self.records if record.key == key]
 
 
-def build(
-    keys: Collection[str] = (),
-    progress: Callable[[int, int], None] | None = None,
-) -> Ledger:
+def build(keys: Collection[str] = ()) -> Ledger:
     """Run the computations of the items and judge every printed cell.
 
     Parameters
     ----------
     keys : collection of str, optional
         Keys of the items. Default: all items.
-    progress : callable, optional
-        Callback with the number of finished items and the number of all items.
 
     Returns
     -------
@@ -157,12 +161,7 @@ def build(
     KeyError
         If a key is unknown.
     """
-    listed = dict.fromkeys(keys or catalogue())
-    parts = []
-    for key in listed:
-        parts.append(item_ledger(key))
-        if progress is not None:
-            progress(len(parts), len(listed))
+    parts = [*map(item_ledger, dict.fromkeys(keys or catalogue()))]
     return Ledger(
         records=tuple(record for part in parts for record in part.records),
         tables=tuple(table for part in parts for table in part.tables),
@@ -356,16 +355,6 @@ def frozen() -> dict[str, Expectation]:
                 )
             expectations[cell.address] = expectation
     return expectations
-
-
-def changed_verdicts(ledger: Ledger) -> list[tuple[str, str, str]]:
-    """Return the cells whose verdict is not the frozen one, with both verdicts, frozen first."""
-    known = {address: one.verdict for address, one in frozen().items()}
-    return [
-        (one.cell, before, one.verdict)
-        for one in ledger.records
-        if one.verdict != (before := known.get(one.cell, "none"))
-    ]
 
 
 def expected(address: str) -> Expectation:

@@ -6,8 +6,7 @@ import io
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -100,15 +99,6 @@ def _pairs(
             )
         pairs[name] = value
     return pairs
-
-
-@contextmanager
-def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar on a terminal's standard error, and nothing in a pipe."""
-    with click.progressbar(
-        length=100, label=label, file=sys.stderr, hidden=not sys.stderr.isatty()
-    ) as shown:
-        yield lambda done, total: shown.update(100 * done // total - shown.pos)
 
 
 def _show(as_json: bool, record: Callable[[], Any], view: Display) -> None:
@@ -244,8 +234,7 @@ def _check(keys: tuple[str, ...], as_json: bool) -> None:
     """
     from reproduce.views import contents
 
-    with _bar("recomputing") as progress:
-        result = contents.check(*keys, progress=progress)
+    result = contents.check(*keys)
     if as_json:
         click.echo(result.ledger.model_dump_json(indent=2))
         for line in result.faults():
@@ -586,8 +575,13 @@ def _posterior(
     result: Any = posteriors.posterior(name, **settings)
     if out:
         result.check_file(out)
-    with _bar("sampling") as progress:
-        result.sample(progress=progress)
+    # On a terminal's standard error, and nothing in a pipe.
+    with click.progressbar(
+        length=100, label="sampling", file=sys.stderr, hidden=not sys.stderr.isatty()
+    ) as bar:
+        result.sample(
+            progress=lambda done, total: bar.update(100 * done // total - bar.pos)
+        )
     _show(as_json, result.record, result)
     if out:
         _save(result.save, out)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from reproduce.judge.ledger import Ledger, build, changed_verdicts
+from reproduce.judge.ledger import Ledger, build
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import drawing
 from reproduce.printed.cells import PAPERS, altered_files
 from reproduce.views import _keys as keys
 from reproduce.views import _verdicts as verdicts
@@ -117,7 +116,9 @@ class Contents(Display):
             records=self._ledger.records,
             verdicts=verdicts,
         )
-        return Html(wall), fold("The same in words", self.listed, self.index)
+        return Html(wall), fold(
+            "The items, and their cells by verdict", self.listed, self.index
+        )
 
 
 class Check(Display):
@@ -129,8 +130,6 @@ class Check(Display):
     ----------
     *items : str
         Keys of items or names of papers. Default: all items.
-    progress : callable, optional
-        Function that receives the number of finished and of all items.
 
     Raises
     ------
@@ -143,16 +142,12 @@ class Check(Display):
     True
     """
 
-    def __init__(
-        self, *items: str, progress: Callable[[int, int], None] | None = None
-    ) -> None:
+    def __init__(self, *items: str) -> None:
         listed: list[str] = []
         for key in items:
             listed += Contents(key).keys if key in PAPERS else [keys.check_key(key)]
-        self.ledger = build(listed, progress).model_copy(
-            update={"altered": altered_files()}
-        )
-        self.changed_verdicts = changed_verdicts(self.ledger)
+        self.ledger = build(listed).model_copy(update={"altered": altered_files()})
+        self.changed_verdicts = self.ledger.changed_verdicts()
 
     def __bool__(self) -> bool:
         """Return whether verdicts and files are unchanged."""
@@ -197,7 +192,6 @@ def _entry(key: str) -> dict[str, Any]:
         "paper": key.partition("/")[0],
         "place": keys.place(key),
         "title": keys.title(key),
-        "draws": drawing(key) is not None,
     }
 
 
