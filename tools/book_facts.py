@@ -402,8 +402,6 @@ def write_figure(key: str, root: Path) -> None:
     write_text(table, shown.export("csv"))
     for path in images:
         shown.save(path)
-        if not isinstance(shown.drawn, str):
-            shown.drawn.set_layout_engine("none")  # the layout stays as it is
 
 
 def write_tables(folder: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import rispy
-from commands import output_of
+from commands import output_of, run
 from numpy.testing import assert_allclose
 from PIL import Image
 from places import ROOT
@@ -135,6 +135,7 @@ def test_supplementary_tables_read_back_equal():
         read = pd.DataFrame(rows).astype(frame.dtypes)
         pd.testing.assert_frame_equal(read, frame, check_dtype=False, check_exact=True)
         assert len(rows_of(table.export("markdown"))) == 2 + len(frame)
+    assert "across it & 2.000 & 0.075 & 0.36 " in table.export("latex"), "as displayed"
 
 
 def test_unknown_formats_are_named():
@@ -277,17 +278,13 @@ def test_address_and_doi_are_those_of_the_environment_or_of_the_wheel(
 
 
 def test_figures_are_drawn_equal_and_mark_every_printed_value(tmp_path):
-    parameters = rp.figure("niu2024/drawing-table-3")
-    data, shown = parameters.data, parameters._repr_html_()
-    first, again = (
-        figure.save(tmp_path / f"{i}.svg").read_bytes()
-        for i, figure in enumerate([parameters, rp.figure(parameters.key)])
-    )
+    figure = rp.figure("niu2024/drawing-table-3")
+    data = figure.data
+    first, again = (figure.save(tmp_path / f"{i}.svg").read_bytes() for i in "ab")
     assert first == again
-    assert shown == parameters._repr_html_()
-    assert parameters.data.equals(data)
+    assert figure.data.equals(data)
     across = data.query("panel == 1 and curve == 'curve 8'")
-    assert_allclose(across["y"], [-0.5, 2.5], err_msg="a margin of a quarter of 2")
+    assert_allclose(across["y"], [-0.5, 2.5])  # with margins of a quarter of 2
     lines = [
         line for axes in rp.figure("chen2023/table-4").drawn.axes for line in axes.lines
     ]
@@ -343,6 +340,7 @@ def test_a_user_setting_is_named_in_the_file():
         (changed, f"{FOCAL} = 70 mm"),
         (figure, f"{count} = 41"),
         (rp.posterior("registration", seed=5), "seed = 5"),
+        (rp.table("niu2024/text-optics").rerun(centre="third"), "centre = third"),
     ):
         assert f" (changed: {named})." in view.cite("text")
         assert " (changed: " in view.cite()
@@ -350,20 +348,28 @@ def test_a_user_setting_is_named_in_the_file():
     assert ", with other data (changed: prior of scale)." in stars.cite("text")
 
 
-def test_panels_are_saved_and_changed_together(tmp_path):
+def test_panels_are_saved_cited_and_changed_together(tmp_path):
     panels = rp.figure("chen2023/fig-11")
+    text = cite(panels.key, "text")
+    assert panels.cite("text") == text
+    assert re.search(r"Figure 11 of Chen et al\. .*; Monitoring accuracy", text)
     cell = panels[0].inputs[0]
     assert [cell in panel.changes for panel in panels.rerun({cell: "8 um"})] == [
         cell in panel.inputs for panel in panels
     ]
     paths = [tmp_path / f"fig-11{panel}.svg" for panel in "ab"]
     assert panels.save(tmp_path / "fig-11.svg") == paths == sorted(tmp_path.iterdir())
-    with pytest.raises(ValueError, match=r"^changes: .*nothing"):
+    written = run(f"figure {panels.key} --out {tmp_path / 'f.svg'}")
+    assert written.output.split()[1:] == [
+        f"{tmp_path / name}.svg" for name in ("fa", "fb")
+    ]
+    with pytest.raises(ValueError, match=r"^nothing: .*fig-11"):
         panels.rerun({"nothing": "1"})
 
 
 def test_fits_and_figures_name_the_software(tmp_path):
-    fit = rp.register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102, 0], [3, 99]])
+    fit = rp.register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102.00001, 0], [3, 99]])
+    assert f"scale & 1 & {fit.parameters[0]:.12g} &" in fit.export("latex")
     text = fit.export("csv")
     software, cited = version.software(), cite("all", "text").splitlines()[0]
     assert text.startswith(f"# software: {software}\n# citation: {cited}\n")

@@ -1,6 +1,7 @@
 """The public API: its names, and the display, data and rerun of each object."""
 
 import json
+import pickle
 import re
 import sys
 from dataclasses import replace
@@ -222,6 +223,7 @@ def test_every_object_has_the_same_methods(lasers):
         rp.table("niu2024/table-2"),
         rp.table("niu2024/table-2#scale.red"),
         rp.figure("niu2024/fig-4"),
+        rp.figure("chen2023/fig-11"),
         rp.posterior("registration"),
         rp.register([[0, 0], [9, 0], [0, 9]], [[1, 0], [10, 0], [1, 9]]),
         rp.misalignment(*lasers),
@@ -233,6 +235,7 @@ def test_every_object_has_the_same_methods(lasers):
         assert isinstance(view.inputs, tuple)
         assert callable(view.rerun)
         assert view.export("csv").count("\n") > 1
+        assert repr(pickle.loads(pickle.dumps(view))) == repr(view)
         if hasattr(view, "cite"):
             assert "@misc" in view.cite()
 

@@ -17,7 +17,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from decimal import Decimal
 from functools import cache, cached_property
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,13 +97,13 @@ def options(key: str) -> Options:
 def effective_change(address: str) -> tuple[str, str] | None:
     """Return an input of an item or a cell, and another value that changes a computed value.
 
-    The value is one or ten units of the last printed digit higher.
+    The value is one unit of the last printed digit higher.
     """
     for result in find(address):
-        texts, inputs = _texts(result.key), changeable(result.address)
-        cells = [find(one)[0] for one in inputs if result.name in texts]
-        for units, cell in product((1, 10), cells):
-            number = Decimal(cell.text) + Decimal(units).scaleb(cell.number.exponent)
+        texts = _texts(result.key)
+        inputs = changeable(result.address)
+        for cell in (find(one)[0] for one in inputs if result.name in texts):
+            number = Decimal(cell.text) + Decimal(1).scaleb(cell.number.exponent)
             change = cell.address, f"{number:f} {cell.symbol}".strip()
             with suppress(ValueError):
                 if _texts(result.key, change)[result.name] != texts[result.name]:
@@ -178,8 +177,6 @@ class Rerun:
         All changes as given, by address, ``seed`` or ``replicates``.
     options : dict
         Option to the chosen alternative.
-    results : callable
-        Function that returns the results of a computation under the changes.
     replaced : dict
         Address of each printed input that a recomputed value replaced, to that value in the
         printed unit.
@@ -193,7 +190,7 @@ class Rerun:
     def __init__(
         self,
         key: str,
-        changes: Mapping[str, str | float] | None = None,
+        changes: Mapping[str, str | float] = {},
         *,
         seed: int | None = None,
         replicates: int | None = None,
@@ -201,13 +198,13 @@ class Rerun:
         random: bool | None = None,
     ) -> None:
         self.key, self._seed, self._replicates = key, seed, replicates
-        self.options, changes = dict(chosen), changes or {}
+        self.options = dict(chosen)
         self._values = checked_values(key, changes)
         settings = without_none({"seed": seed, "replicates": replicates})
         given = {**changes, **settings}.items()
         self.changes = {name: str(value) for name, value in given}
         self.replaced: dict[str, float] = {}
-        self.results = cache(self._computed)
+        self._results: dict[str, dict[str, Any]] = {}
         known = options(key)
         for name, alternative in self.options.items():
             if alternative not in [*known.get(name, ())]:
@@ -229,10 +226,16 @@ class Rerun:
         """Whether this is a reading of the paper as printed, without changed inputs."""
         return bool(self.options) and not self.changes
 
+    @property
+    def setting(self) -> str:
+        """Changes and options in one line."""
+        return ", ".join(map(" = ".join, (self.changes | self.options).items()))
+
     @cached_property
     def cells(self) -> list[_ChangedCell]:
         """Every cell that the item computes, in printed order."""
-        table, cells = library()[self.key], {}
+        table = library()[self.key]
+        cells = {}
         with self.explained():
             for computation in computations(self.key):
                 kept = {} if self.is_reading else self.options
@@ -263,15 +266,18 @@ class Rerun:
             with np.errstate(all="ignore"):
                 yield
         except (ValueError, ArithmeticError, LookupError, MemoryError) as error:
-            setting = ", ".join(map(" = ".join, (self.changes | self.options).items()))
             raise ValueError(
-                f"{self.key} cannot be computed with {setting}: {error}"
+                f"{self.key} cannot be computed with {self.setting}: {error}"
             ) from error
 
-    def _computed(self, computation: Computation) -> dict[str, Any]:
+    def results(self, computation: Computation) -> dict[str, Any]:
         """Return the results of a computation whose inputs follow the changes."""
-        run = computation.with_options(self.options)
-        return run(self.inputs(computation.inputs), self._replicates)
+        if computation.name not in self._results:
+            run = computation.with_options(self.options)
+            self._results[computation.name] = run(
+                self.inputs(computation.inputs), self._replicates
+            )
+        return self._results[computation.name]
 
     def inputs(self, patterns: tuple[str, ...]) -> Inputs:
         """Return the inputs that match patterns, with the changes and recomputed values."""
@@ -283,7 +289,8 @@ class Rerun:
         """Return the value that replaces a printed input; None if the printed value remains."""
         if address in self._values:
             return self._values[address]
-        above, cell = computation_for(address), find(address)[0]
+        above = computation_for(address)
+        cell = find(address)[0]
         if above is None or cell.unpublished or not self._reaches(above.inputs):
             return None
         unchanged = above.with_options(self.options)(

@@ -14,7 +14,7 @@ from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
-from itertools import product
+from itertools import chain, product
 from typing import TYPE_CHECKING, Any, Self
 
 from numpy.random import SeedSequence
@@ -25,7 +25,7 @@ from reproduce.papers._texts import Column as Column
 from reproduce.papers._texts import ItemText
 from reproduce.papers._texts import Options as Options
 from reproduce.papers._texts import item_text as item_text
-from reproduce.papers.catalogue import KINDS, catalogue
+from reproduce.papers.catalogue import KINDS, catalogue, panels
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 
@@ -339,8 +339,11 @@ reproduces, draws, studied = Computation.declare, Drawing.declare, Study.declare
 def declarations(key: str) -> Sequence[PaperFunction]:
     """Return the declarations of an item, a supplementary table or a drawing.
 
-    They are in the module of the key. Without a module, its schematic is the declaration.
+    They are in the module of the key. Without a module, its schematic is the declaration. A figure
+    with panels has the declarations of its panels.
     """
+    if parts := panels(key):
+        return [*chain.from_iterable(map(declarations, parts))]
     module = ChainMap(*map(catalogue, KINDS))[key]
     if not module:
         files = data_files(f"schematics/{key}.svg")
@@ -370,11 +373,8 @@ def drawing(key: str) -> Drawing | None:
 
 
 def study(key: str) -> Study:
-    """Return a supplementary table; raise KeyError for other keys."""
-    for each in declarations(key):
-        if isinstance(each, Study):
-            return each
-    raise KeyError(f"key: expected a supplementary table, got {key}")
+    """Return a supplementary table."""
+    return next(each for each in declarations(key) if isinstance(each, Study))
 
 
 def computation_for(address: str) -> Computation | None:

@@ -27,18 +27,30 @@ from reproduce.views._blocks import Display, rendered
 from reproduce.views._export import export_frame, provenance_of, table_files
 from reproduce.views.citations import cite, cite_item
 
-Change = Mapping[str, str | float]  # address of a printed cell to a value as printed
+# Address of a printed cell to a value as printed.
+Change = Mapping[str, str | float]
+NO_CHANGE: Change = {}
 
 
 class ResultView(Display):
     """An object with a key, printed cells as inputs, and numbers."""
 
     key: str
+    _changed = ""  # its changes in one line
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Addresses of its inputs, direct or through other items."""
         return changeable(self.key)
+
+    @property
+    def source(self) -> str:
+        """Source code of the functions that compute and draw it."""
+        return "\n\n\n".join(
+            text_of(made.function)
+            for made in declarations(self.key)
+            if not isinstance(made, Schematic)
+        )
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:
@@ -59,10 +71,19 @@ class ResultView(Display):
         return provenance_of(self.cite("text"), self._setting())
 
     def _setting(self) -> str:
-        return ""
+        """Return the sentence on its changes in an export."""
+        return self._changed
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return its citation and the citation of its paper: bibtex, ris, csl or text."""
+        """Return its citation, with its changes, and the citation of its paper.
+
+        Parameters
+        ----------
+        form : {"bibtex", "ris", "csl", "text", "sentence"}
+            Format, as in `reproduce.cite`.
+        """
+        if self._changed:
+            return cite_item(form, self.key, self._changed)
         return cite(self.key, form)
 
 
@@ -89,15 +110,6 @@ class ItemView(ResultView):
     def place(self) -> str:
         """Place in the paper."""
         return keys.place(self.key)
-
-    @property
-    def source(self) -> str:
-        """Source code of the functions that compute and draw it."""
-        return "\n\n\n".join(
-            text_of(made.function)
-            for made in declarations(self.key)
-            if not isinstance(made, Schematic)
-        )
 
     @property
     def files(self) -> Iterable[str]:
@@ -132,11 +144,12 @@ class Rerunnable(ItemView):
 
     @checked
     def __init__(
-        self, key: Text, changes: Change | None = None, seed: int | None = None
+        self, key: Text, changes: Change = NO_CHANGE, seed: int | None = None
     ) -> None:
         self.key, self.seed = key, seed
         self._rerun = rerun.Rerun(key, changes, seed=seed, random=self.random)
-        self.changes, self._changes = self._rerun.changes, dict(changes or {})
+        self.changes, self._changes = self._rerun.changes, changes
+        self._changed = self._rerun.setting
 
     @property
     @abstractmethod
@@ -163,14 +176,11 @@ class Rerunnable(ItemView):
         """Whether it draws random numbers."""
         return self._declared.random
 
-    def cite(self, form: str = "bibtex") -> str:
-        """Return its citation, with its changes, and the citation of its paper."""
-        changes = ", ".join(map(" = ".join, self.changes.items()))
-        return cite_item(form, self.key, changes)
-
     def _setting(self, remark: str = "your setting") -> str:
         return (
-            setting("With", self.changes, self.replaced, remark) if self.changes else ""
+            setting("With", self._changed, self.replaced, remark)
+            if self.changes
+            else ""
         )
 
     @property
@@ -180,7 +190,7 @@ class Rerunnable(ItemView):
         return self._rerun.replaced
 
     def rerun(
-        self, changes: Change | None = None, *, seed: int | None = None, **others: Any
+        self, changes: Change = NO_CHANGE, *, seed: int | None = None, **others: Any
     ) -> Self:
         """Compute the object with other inputs or another seed.
 
@@ -201,6 +211,8 @@ class Rerunnable(ItemView):
 
         Raises
         ------
+        TypeError
+            If the changes are no mapping of addresses, or the seed is not a whole number.
         ValueError
             If a cell is not an input, a value does not fit its cell, or there are no random
             numbers.
@@ -210,17 +222,16 @@ class Rerunnable(ItemView):
                 f"{next(iter(others))}: expected changes or a seed for {self.key}. Leave it out"
             )
         seed = self.seed if seed is None else seed
-        rerun.checked_values(self.key, changes or {})
-        return type(self)(self.key, {**self._changes, **(changes or {})}, seed)
+        rerun.checked_values(self.key, changes)
+        return type(self)(self.key, {**self._changes, **changes}, seed)
 
 
 def setting(
-    subject: str, changes: Mapping[str, str], replaced: Mapping[str, float], remark: str
+    subject: str, changed: str, replaced: Mapping[str, float], remark: str
 ) -> str:
     """Return a sentence on changes and on the recomputed values that replaced printed ones."""
-    changed = ", ".join(map(" = ".join, changes.items())) or "no change"
     names = f" Recomputed values took the place of: {', '.join(replaced)}."
-    return f"{subject} {changed}: {remark}.{names if replaced else ''}"
+    return f"{subject} {changed or 'no change'}: {remark}.{names if replaced else ''}"
 
 
 class _Texts(pd.DataFrame):

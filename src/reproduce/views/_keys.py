@@ -23,10 +23,9 @@ def check_key(key: Text) -> str:
     """
     if key in catalogue():
         return key
-    if key in catalogue("studies"):
-        raise KeyError(
-            f"key: expected an item of a paper, got the supplementary table {key}"
-        )
+    kind = place(key).lower()
+    if kind.startswith("supplementary"):
+        raise KeyError(f"key: expected an item of a paper, got the {kind} {key}")
     near = difflib.get_close_matches(key, ChainMap(*map(catalogue, KINDS)), cutoff=0.5)
     hint = f"such as {', '.join(near)}, " if near else ""
     raise KeyError(
@@ -50,8 +49,8 @@ def chosen_papers(paper: str | None) -> tuple[str, ...]:
 
 def title(key: str) -> str:
     """Return the title of an item, a supplementary table or a drawing."""
-    named = library().get(key) or next(iter(declarations(key)), None)
-    return named.title if named else ""
+    named = [library()[key]] if key in library() else declarations(key)
+    return "; ".join(dict.fromkeys(one.title for one in named))
 
 
 def place(key: str) -> str:

@@ -35,11 +35,13 @@ class Readings(Display):
             its probability if it is predicted, and whether it agrees; the number of cells that
             agree; the joint probability of the predicted cells.
         """
-        frame, table = pd.DataFrame({}), library()[self.key]
+        frame = pd.DataFrame({})
+        table = library()[self.key]
         for computation in sorted(
             computations(self.key), key=lambda each: len(each.options), reverse=True
         ):
-            evaluation, part = evaluate(computation), pd.DataFrame(computation.readings)
+            evaluation = evaluate(computation)
+            part = pd.DataFrame(computation.readings)
             for name, readings in evaluation.cells.items():
                 if table[name].unpublished or len(evaluation.distinct(name)) == 1:
                     continue
@@ -57,7 +59,8 @@ class Readings(Display):
 
     def blocks(self) -> list[Block]:
         """Return the table of all readings, which a page can sort."""
-        frame, table = self.frame(), library()[self.key]
+        frame = self.frame()
+        table = library()[self.key]
         if frame.empty:
             return [f"{self.key} has one reading."]
         caption = (

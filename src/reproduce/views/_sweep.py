@@ -18,8 +18,9 @@ from reproduce.printed.cells import anchor, find
 from reproduce.printed.number import minus, quantity
 from reproduce.printed.quantity import si_value
 from reproduce.views import _verdicts as verdicts
-from reproduce.views._base import Change, setting
+from reproduce.views._base import Change, ResultView, setting
 from reproduce.views._blocks import Block, Display, Grid, Html, rendered
+from reproduce.views._keys import check_choice
 from reproduce.views.figure import figure_block
 
 # A number of a step: entries of the columns of a sweep.
@@ -30,7 +31,7 @@ _COLUMNS = ["cell", "label", "unit", "text", *_NUMBERS]
 _PANEL_INCHES, _MAX_PANELS = 1.7, 8
 
 
-class Changed(Display):
+class Changed(ResultView):
     """A table or cell recomputed with changed inputs, without a verdict.
 
     With options only it is one reading of the text, with the verdict of each cell.
@@ -51,14 +52,13 @@ class Changed(Display):
 
     def __init__(self, result: Rerun, names: Collection[str] = ()) -> None:
         self.result = result
+        self.key = result.key
         self.changes = result.changes
-        self.cells = [
-            one for one in result.cells if not names or one.cell.name in names
-        ]
-        if missing := {*names} - {one.cell.name for one in self.cells}:
-            raise ValueError(
-                f"cells: expected computed cells of {result.key}, got {min(missing)!r}"
-            )
+        self._changed = result.setting
+        known = {one.cell.name: one for one in result.cells}
+        for name in names:
+            check_choice("cells", name, known)
+        self.cells = [known[name] for name in known if not names or name in names]
 
     def frame(self) -> pd.DataFrame:
         """Return the printed, computed and changed values, and their difference.
@@ -88,26 +88,26 @@ class Changed(Display):
         frame = pd.DataFrame(rows, columns=columns.split(",")).set_index("cell")
         return frame if frame["verdict"].any() else frame.drop(columns="verdict")
 
+    def _setting(self) -> str:
+        chosen = "your setting" if self.changes else "the printed inputs"
+        remark = f"{chosen}, without a verdict"
+        if self.result.is_reading:
+            remark = "one reading of the text; the verdict of a cell is based on all readings"
+        return setting(f"{self.key} with", self._changed, self.result.replaced, remark)
+
     def blocks(self) -> list[Grid]:
         """Return the numbers and the changes, without empty columns."""
-        result, value, hidden = self.result, "changed", ""
-        chosen = "your setting" if result.changes else "the printed inputs"
-        remark = f"{chosen}, without a verdict"
-        if result.is_reading:
-            value, hidden = "computed", "unchanged"
-            remark = "one reading of the text; the verdict of a cell is based on all readings"
-        caption = setting(
-            f"{result.key} with",
-            result.changes | result.options,
-            result.replaced,
-            remark,
-        )
+        result = self.result
+        value = "changed"
+        hidden = ""
+        caption = self._setting()
         if any(one.interval for one in self.cells):
             caption += (
                 " From and to: the central 99 % of a prediction, or under a reading what rounded "
                 "inputs allow."
             )
         if result.is_reading:
+            value, hidden = "computed", "unchanged"
             for joint in item_ledger(result.key, **result.options).tables:
                 caption += f" {verdicts.joint_sentence(joint)}"
         heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
@@ -135,7 +135,7 @@ class Sweep(Display):
     ----------
     place : str
         Table, as the caption names it.
-    moved : str or sequence of str
+    address : str or sequence of str
         Address of the input, or several addresses that change together.
     values : sequence
         Value of each step as printed; a tuple of values for several cells.
@@ -154,32 +154,32 @@ class Sweep(Display):
     def __init__(
         self,
         place: str,
-        moved: str | Sequence[str],
+        address: str | Sequence[str],
         values: Sequence[str | float | Sequence[str | float]],
         compute: Callable[[Change], Iterable[Point]],
         dashed: str = "printed values; shaded: their intervals",
     ) -> None:
-        names = [moved] if isinstance(moved, str) else [*moved]
+        names: list[Any] = [*address] if is_list_like(address) else [address]
         listed: Sequence[Any] = values if is_list_like(values) else []
         steps = [[*value] if is_list_like(value) else [value] for value in listed]
         if {*map(len, steps)} != {len(names)}:
-            every = ", ".join(names)
             raise ValueError(
-                f"values: expected a list with {every} for each step, got {values!r}"
+                f"values: expected a list with {names} for each step, got {values!r}"
             )
         if len({*names}) < len(names):
             raise ValueError(f"address: expected different inputs, got {names}")
+        self.steps = [
+            pd.DataFrame(compute(dict(zip(names, step, strict=True))), columns=_COLUMNS)
+            for step in steps
+        ]
         cells = [find(name)[0] for name in names]
         printed = [cell.si for cell in cells]
         self.printed = [
             all(map(isclose, map(si_value, cells, step), printed)) for step in steps
         ]
         self.settings = [", ".join(map(str, step)) for step in steps]
-        self.steps = [
-            pd.DataFrame(compute(dict(zip(names, step, strict=True))), columns=_COLUMNS)
-            for step in steps
-        ]
-        self.label, self.dashed = ", ".join(cell.label for cell in cells), dashed
+        self.label = ", ".join(cell.label for cell in cells)
+        self.dashed = dashed
         self.caption = f"{place}. Changed: {self.label}."
         if self.frame()["low"].notna().any():
             self.caption += " In brackets: the central 99 % of the prediction."
@@ -223,7 +223,8 @@ class Sweep(Display):
 
         def page() -> str:
             shown = self.caption.replace("In brackets", "Bars")
-            caption, graph = f"{shown} Dashed: the {self.dashed}.", ""
+            caption = f"{shown} Dashed: the {self.dashed}."
+            graph = ""
             if len(labels) <= _MAX_PANELS:
                 graph = figure_block(
                     self.name,

@@ -56,8 +56,10 @@ def printed(cell: PrintedCell) -> str:
 
 def texts(record: Record) -> dict[str, Entry]:
     """Return the texts of a record by name of the column; empty texts do not apply."""
-    cell, interval = record.printed_cell, _interval(record, record.interval)
-    is_drawn, known = record.probability is not None, expected(record.cell)
+    cell = record.printed_cell
+    interval = _interval(record, record.interval)
+    is_drawn = record.probability is not None
+    known = expected(record.cell)
     shown: dict[str, Entry] = {
         "cell": link(cell.anchor, code(cell.name)),
         "printed": cell.shown + f" ({cell.sigma}σ)" * bool(cell.sigma),

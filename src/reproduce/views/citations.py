@@ -16,7 +16,7 @@ from pybtex.database import Entry, parse_file
 from reproduce import version
 from reproduce.judge.ledger import Record, record_of
 from reproduce.locate import papers
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, panels
 from reproduce.papers.declare import computation_for, study
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PAPERS, PrintedCell, library
@@ -91,7 +91,8 @@ def cite_item(form: str, key: str, changes: str = "") -> str:
     place = keys.place(key).partition(",")[0]
     relation = f"{place} to"
     if not place.startswith("Supplementary"):
-        keys.check_key(key)
+        if not panels(key):
+            keys.check_key(key)
         if place == "Text":
             place = f"the numbers quoted in the text ({topic})"
         relation = f"Reproduction of {place} of"
@@ -191,11 +192,12 @@ def _written(
     keys.check_choice("format", form, _FORMATS)
     if form == "sentence":
         return written("related.txt", title=title)
-    element = keys.element(address)
+    # A figure with panels is at its first panel.
+    page = keys.element((*panels(address), address)[0])
     context = {
-        "name": element.removeprefix("figure-") or "pointing",
+        "name": keys.element(address).removeprefix("figure-") or "pointing",
         "title": title,
-        "page": element and f"/goto.html#{element}",
+        "page": page and f"/goto.html#{page}",
         "archived": identifiers(address),
         "mark": mark,
     }

@@ -109,9 +109,10 @@ def _show(as_json: bool, record: Callable[[], Any], view: Display) -> None:
         view.print()
 
 
-def _save(save: Callable[[Path], Any], out: Path) -> None:
+def _save(save: Callable[[Path], Any], out: Path) -> Any:
+    """Write a file, and return its path, or the paths of panels."""
     try:
-        save(out)
+        return save(out)
     except (OSError, RuntimeError) as error:  # the latter of netCDF
         reason = getattr(error, "strerror", "") or error
         click.echo(printable(f"Error: cannot write {out}: {reason}"), err=True)
@@ -119,15 +120,15 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
 
 
 def _item(address: str) -> Any:
-    """Return the table, cell, supplementary table or figure of an address."""
+    """Return the table, cell, supplementary table, figure or panels of an address."""
     from reproduce.papers.catalogue import catalogue
     from reproduce.printed.cells import library
-    from reproduce.views.figure import Figure
+    from reproduce.views.figure import figure
     from reproduce.views.table import table
 
     if address.partition("#")[0] in {*library(), *catalogue("studies")}:
         return table(address)
-    return Figure(address)
+    return figure(address)
 
 
 # A FITS file may have the name of an extension in brackets behind it.
@@ -339,15 +340,18 @@ def _export(address: str, form: str) -> None:
 def _figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> None:
     """Draw the figure of an item.
 
+    The panels of a figure such as chen2023/fig-11 are files with their letters.
+
     \b
     Example:
       $ reproduce figure niu2024/fig-4 --out angles.svg
       Wrote angles.svg
     """
-    from reproduce.views.figure import Figure
+    from reproduce.views.figure import figure
 
-    _save(Figure(key, changes, seed).save, out)
-    click.echo(printable(f"Wrote {out}"))
+    written = _save(figure(key).rerun(changes, seed=seed).save, out)
+    paths = written if isinstance(written, list) else [written]
+    click.echo(printable(f"Wrote {' '.join(map(str, paths))}"))
 
 
 @main.command("cite")

@@ -190,7 +190,8 @@ def _equations(audits: Sequence[Audit]) -> _Part:
 
 def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     """List entries of the register by consequence."""
-    rows, evidence = list[_Row](), dict[str, _Row]()
+    rows = list[_Row]()
+    evidence = dict[str, _Row]()
     for entry in errata_register():
         for audit in audits:
             if entry.paper == audit.name and bool(entry.assumption) == supposed:
@@ -234,7 +235,8 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
 def _judged(address: str) -> str:
     """Return the printed value of a cell and the computed value."""
     record = record_of(address)
-    shown, text = verdicts.texts(record), "{printed} printed, {computed} computed"
+    shown = verdicts.texts(record)
+    text = "{printed} printed, {computed} computed"
     if record.verdict == "ambiguous":
         text = "{printed} printed, agrees with {readings that agree} readings"
     return text.format_map(shown)
@@ -245,7 +247,8 @@ def _sides(finding: RelationResult, audit: Audit) -> str:
 
     If a relation contains a number that is not printed, return the values that it requires.
     """
-    relation, cells = finding.relation, audit.cells
+    relation = finding.relation
+    cells = audit.cells
     if unknown := relation.unknown:
         if finding.allowed is None:
             return f"no {unknown.label} fits"

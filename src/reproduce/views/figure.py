@@ -6,7 +6,7 @@ import io
 import json
 import re
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import deepcopy
 from functools import cached_property
 from html import escape
@@ -19,8 +19,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from reproduce.judge import rerun
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, panels
 from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, drawing, item_text
 from reproduce.printed.cells import anchor, library
@@ -29,8 +30,8 @@ from reproduce.printed.number import powers
 from reproduce.store.files import FIGURES, FilePath, check_target, replacing
 from reproduce.views import _computed as computed
 from reproduce.views import _keys as keys
-from reproduce.views._base import Change, Rerunnable
-from reproduce.views._blocks import Block, Display, Html, rendered
+from reproduce.views._base import NO_CHANGE, Change, Rerunnable, ResultView
+from reproduce.views._blocks import Block, Html, rendered
 from reproduce.views._verdicts import filled
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ class Figure(Rerunnable):
         if found := drawing(self.key):
             return found
         raise ValueError(
-            f"{self.key} has no figure; these have one: {', '.join(drawable())}"
+            f"key: expected a figure, got {self.key}. Use table({self.key!r})"
         )
 
     def compute(self, *, narrow: bool = False) -> _Drawn:
@@ -251,7 +252,8 @@ class Figure(Rerunnable):
     def save(self, path: FilePath) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, self._endings)
-        form, note = path.suffix[1:].lower(), "\n".join(self.provenance.values())
+        form = path.suffix[1:].lower()
+        note = "\n".join(self.provenance.values())
         with replacing(path) as part:
             part.write_bytes(_content(self.drawn, form, note))
         return path
@@ -285,16 +287,21 @@ class Figure(Rerunnable):
         yield Html(page, text)
 
 
-class Panels(Display, list[Figure]):
+class Panels(ResultView, list[Figure]):
     """Panels of a figure, such as ``chen2023/fig-11``: a list that shows every panel."""
+
+    def __init__(self, panels: Iterable[Figure]) -> None:
+        super().__init__(panels)
+        self.key = self[0].key[:-1]
+        settings = dict.fromkeys(panel._changed for panel in self if panel.changes)
+        self._changed = "; ".join(settings)
 
     def blocks(self) -> Panels:
         """Return the panels."""
         return self
 
-    @property
-    def data(self) -> pd.DataFrame:
-        """The lines and points of all panels, with the key of each."""
+    def frame(self) -> pd.DataFrame:
+        """Return the lines and points of all panels, with the key of each."""
         return pd.concat([panel.frame().assign(figure=panel.key) for panel in self])
 
     def save(self, path: FilePath) -> list[Path]:
@@ -314,7 +321,7 @@ class Panels(Display, list[Figure]):
         return [panel.save(path.with_stem(path.stem + panel.key[-1])) for panel in self]
 
     def rerun(
-        self, changes: Change | None = None, *, seed: int | None = None
+        self, changes: Change = NO_CHANGE, *, seed: int | None = None, **others: Any
     ) -> Panels:
         """Return the panels with changed inputs or another seed.
 
@@ -324,6 +331,8 @@ class Panels(Display, list[Figure]):
             Address of an input of any panel to a value as printed.
         seed : int, optional
             Seed of the panels that draw random numbers.
+        **others
+            Not accepted.
 
         Returns
         -------
@@ -332,20 +341,18 @@ class Panels(Display, list[Figure]):
 
         Raises
         ------
+        TypeError
+            If the changes are no mapping of addresses, or the seed is not a whole number.
         ValueError
             If no panel has the input, or no panel draws random numbers.
         """
-        changes = changes or {}
-        if unknown := set(changes).difference(*(panel.inputs for panel in self)):
-            raise ValueError(
-                f"changes: expected inputs of the panels, got {', '.join(map(str, unknown))}. "
-                "`inputs` of each panel lists them."
-            )
+        rerun.checked_values(self.key, changes)
         fixed = any(panel.random for panel in self)
         return Panels(
             panel.rerun(
                 {name: changes[name] for name in changes if name in panel.inputs},
                 seed=None if fixed and not panel.random else seed,
+                **others,
             )
             for panel in self
         )
@@ -367,13 +374,17 @@ def figure(key: str) -> Figure | Panels:
 
     Raises
     ------
+    TypeError
+        If the key is not text.
     KeyError
         If there is no such figure.
+    ValueError
+        If it is a table without a figure.
 
     Examples
     --------
     >>> figure("chen2023/fig-11a").place
     'Figure 11a'
     """
-    panels = [item for item in catalogue() if item[:-1] == key and item[-1].isalpha()]
-    return Panels(map(Figure, panels)) if panels else Figure(key)
+    parts = panels(key)
+    return Panels(map(Figure, parts)) if parts else Figure(key)

@@ -375,7 +375,8 @@ class Posterior(ResultView):
             name: name.replace(" ", "\n", 1) + _in_brackets(one.unit)
             for name, one in draws.items()
         }
-        kind, marks = "truth of the simulation", self.truth
+        kind = "truth of the simulation"
+        marks = self.truth
         if not (marks or self._table):
             kind = "printed value"
             marks = self._shown(

@@ -19,7 +19,7 @@ from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import minus
 from reproduce.views import _keys as keys
 from reproduce.views import _verdicts as verdicts
-from reproduce.views._base import Change, ItemView, ResultView, text_of
+from reproduce.views._base import NO_CHANGE, Change, ItemView, ResultView, text_of
 from reproduce.views._blocks import (
     LOOKS,
     Block,
@@ -60,8 +60,12 @@ def table(address: Text) -> Table | Cell | StudyTable:
 
     Raises
     ------
+    TypeError
+        If the address is not text.
     KeyError
         If there is no such item or cell.
+    ValueError
+        If it is a figure without printed numbers.
 
     Examples
     --------
@@ -146,7 +150,7 @@ class Table(ItemView, _Judged):
 
     def rerun(
         self,
-        changes: Change | None = None,
+        changes: Change = NO_CHANGE,
         *,
         seed: int | None = None,
         replicates: int | None = None,
@@ -172,6 +176,8 @@ class Table(ItemView, _Judged):
 
         Raises
         ------
+        TypeError
+            If the changes are no mapping of addresses, or a number is not whole.
         ValueError
             If a cell is not an input, a value does not fit its cell, or an option is unknown.
         """
@@ -210,11 +216,11 @@ class Table(ItemView, _Judged):
 
         Raises
         ------
+        TypeError
+            If the address is not text.
         ValueError
             If a value does not fit its cell, or a cell to show is not computed.
         """
-        for name in cells:
-            self[name]
 
         def compute(step: Change) -> Iterator[Point]:
             changed = self.rerun(step, replicates=replicates)
@@ -239,7 +245,8 @@ class Table(ItemView, _Judged):
             return self._ledger.model_copy(update=self.provenance).model_dump_json(
                 indent=2
             )
-        table, records = self._printed, self._ledger.records
+        table = self._printed
+        records = self._ledger.records
         frame = pd.DataFrame([_values(record, form) for record in records])
         frame = frame.loc[:, frame.any()]
         if len(table.columns) > 1:
@@ -265,7 +272,8 @@ class Table(ItemView, _Judged):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and sources."""
-        table, records = self._printed, self._ledger.records
+        table = self._printed
+        records = self._ledger.records
         results = [record for record in records if record.role == "result"]
         caption = f"{table.place}. {table.title}."
         if results and len(table.columns) > 1:
@@ -332,7 +340,8 @@ def _values(record: Record, form: str) -> dict[str, str]:
 
     In CSV unit, standard deviations and verdict have their own names.
     """
-    cell, computed = record.printed_cell, verdicts.computed(record)
+    cell = record.printed_cell
+    computed = verdicts.computed(record)
     ends = [minus(cell.number.format(e)) for e in record.interval or ()]
     low, high = ends if len({*ends}) > 1 else ("", "")
     texts = {
@@ -366,7 +375,8 @@ def _judged(
     place: str, records: Sequence[Record], rows: list[dict[str, Entry]]
 ) -> Iterator[Block]:
     """Yield the numbers of results, the reasons of verdicts, and the computations."""
-    columns, kind = ("cell", *verdicts.NUMBERS, "verdict"), "rp-small rp-numbers"
+    columns = ("cell", *verdicts.NUMBERS, "verdict")
+    kind = "rp-small rp-numbers"
     yield Html(Grid.of(f"Details of {place}", columns, rows, kind=kind).markup)
     reasons = [row for row, one in zip(rows, records, strict=True) if not one.agrees]
     if reasons:
@@ -430,9 +440,9 @@ class Cell(_Judged):
         """Return its record as a column."""
         return pd.DataFrame({self.address: self.record.model_dump()})
 
-    def rerun(self, changes: Change | None = None, **settings: Any) -> Changed:
+    def rerun(self, changes: Change = NO_CHANGE, **settings: Any) -> Changed:
         """Compute the cell again with changed inputs, as `Table.rerun`."""
-        rerunning.checked_values(self.address, changes or {})
+        rerunning.checked_values(self.address, changes)
         return Changed(self.table.rerun(changes, **settings).result, [self._cell.name])
 
     def export(self, form: str) -> str:
