@@ -88,8 +88,13 @@ def blended(places, light):
     return render_frame(np.concatenate(both), np.concatenate(fluxes), 1.2, (SIDE, SIDE))
 
 
+def few(places, light):
+    """Return an image of three spots, which do not determine a common shape."""
+    return render_frame(places[:3], light[:3], 0.6, (SIDE, SIDE))
+
+
 @pytest.mark.parametrize(
-    ("image", "most"), [(winged, 2), (undersampled, 2.5), (blended, 2)]
+    ("image", "most"), [(winged, 2), (undersampled, 2.5), (blended, 2), (few, 2)]
 )
 def test_shapes_of_the_spots_are_no_photon_noise(image, most):
     """The gain is the true one, and the centres have the errors that they state."""

@@ -52,6 +52,8 @@ _MAX_MISFIT, _MISFIT_MEDIANS, _MISFIT_OFFSET, _MISFIT_SIGMAS = 0.1, 4.0, 2e-3, 5
 _GAIN_FITS, _MIN_GAIN, _MAX_GAIN = 4, 0.01, 1000.0
 # Least degrees of freedom of a spot: for fewer, the median of chi-square is not approximated well.
 _MIN_FREEDOM = 0.7
+# Least part of the noise of bright pixels that a common shape of the spots leaves over.
+_MIN_SHARE = 0.25
 # Smallest photon noise of the brightest pixel, as a variance over that of the noise.
 _MIN_PHOTON_NOISE = 1e-2
 # Degrees in x and y, and radii of the Gaussians, of the common shape of the spots.
@@ -384,7 +386,9 @@ def _best_gain(fitted: partial[_SpotFit], radius: float) -> float:
         fit.left[odd & (odd.mean() < 0.5)] = np.nan
         left, terms = fit.without_common_shape()
         bright = (fit.model**2 > fit.dark) & np.isfinite(left)
-        share = max(1 - terms / max(bright.sum(), 1), 0.1)
+        share = 1 - terms / max(bright.sum(), 1)
+        if share < _MIN_SHARE:  # few pixels do not determine the common shape
+            left, share = fit.left, 1.0
         free = share * (1 - fit.leverage())
         photons, flux, squares = (
             np.sum(values, axis=(1, 2), where=bright)
