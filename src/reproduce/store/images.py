@@ -85,11 +85,10 @@ def read_image(source: Any) -> tuple[NDArray[Any], float, FloatArray | None]:
     """
     if isinstance(source, FilePath):
         source = _from_fits(str(source))
-    uncertainty, unit = getattr(source, "uncertainty", None), ""
+    image = source
     if hasattr(source, "uncertainty"):
-        unit = source.unit or unit
-        source = np.ma.array(source.data, mask=source.mask)
-    pixels = np.ma.getdata(source, subok=False)  # without a unit
+        image = np.ma.array(source.data, mask=source.mask)
+    pixels = np.ma.getdata(image, subok=False)  # without a unit
     if pixels.dtype.kind not in "iufb":
         raise ValueError(
             f"expected real numbers, got {pixels.dtype}. Convert the image to an array"
@@ -99,10 +98,10 @@ def read_image(source: Any) -> tuple[NDArray[Any], float, FloatArray | None]:
             f"expected an image of shape (height, width) with {_MIN_SIDE} px or more on each "
             f"side, got {pixels.shape}. Pass one channel, such as image[..., 1]"
         )
-    missing = ~np.isfinite(pixels) | np.ma.getmask(source)
+    missing = ~np.isfinite(pixels) | np.ma.getmask(image)
     sigma = None
-    if uncertainty is not None:
-        sigma = _deviations(uncertainty, unit, missing)
+    if getattr(source, "uncertainty", None) is not None:
+        sigma = _deviations(source.uncertainty, source.unit or "", missing)
         missing |= np.isinf(sigma)
     if missing.any():
         pixels = np.where(missing, np.nan, pixels)
@@ -177,7 +176,7 @@ def _fits_images(file: str) -> Iterator[dict[int, Any]]:
             yield {
                 number: unit
                 for number, unit in enumerate(units)
-                if unit.is_image and unit.header.get("NAXIS", 0) >= 2
+                if unit.is_image and len(unit.shape) > 1
             }
 
 

@@ -141,7 +141,7 @@ def find_spots(
     """
     from scipy.spatial import KDTree
 
-    limit = 5.0 if threshold is None else threshold
+    limit = threshold or 5.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # boxes without pixels
         light, noise = _without_background(image)
