@@ -153,7 +153,7 @@ def _your_registration(
     hidden = {"sensitive", "mismatched", "dropped"} if robust else {"sensitive"}
     texts = (one.text for one in found if one.kind not in hidden)
     table = replace(table, numbers={**table.numbers, "weight": problem.counts})
-    return table, model, list(dict.fromkeys(texts))
+    return table, model, list(texts)
 
 
 def _check_mixture(problem: Problem) -> None:
