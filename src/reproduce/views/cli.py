@@ -576,6 +576,8 @@ def _posterior(
         return
     if name is None:
         raise click.UsageError("NAME: expected a posterior, got none. Use --list")
+    if out and str(out) == str(settings["data"]):
+        raise click.UsageError(f"--out: expected another file than the data, got {out}")
     result: Any = posteriors.posterior(name, **settings)
     if out:
         result.check_file(out)
