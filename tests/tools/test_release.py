@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import re
 import shutil
 import tarfile
 import tomllib
@@ -221,19 +220,3 @@ def test_the_verdicts_and_marks_of_a_release_are_stored(monkeypatch):
     assert len(marks) == len(frozen())
     line = cite("niu2024/table-3#scale.red", "text").partition("\n")[0]
     assert line.rpartition(" ")[2] in marks
-
-
-def test_workflows_run_existing_targets_and_pin_their_actions():
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = re.findall(r"^([a-z-]+):", makefile, re.M)
-    for name in ("nightly", "release", "tests"):
-        text = (ROOT / f".github/workflows/{name}.yml").read_text(encoding="utf-8")
-        jobs = yaml.safe_load(text)["jobs"]
-        steps = [step for job in jobs.values() for step in job["steps"]]
-        assert any("uses" in step for step in steps)
-        for step in steps:
-            program, *arguments = step.get("run", "make book").split()
-            assert program in {"make", ".ci/run", "gh", "python"}
-            assert program != "make" or arguments[0] in targets
-            action = step.get("uses", f"actions/checkout@{40 * '0'}")
-            assert re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", action)

@@ -23,6 +23,16 @@ def test_a_window_is_the_integral_of_the_gaussian():
     assert_allclose(across, by_hand, rtol=1e-10)
 
 
+def test_a_frame_is_cut_out_of_a_larger_one():
+    """Spots may lie beyond every edge: what they throw into the frame stays."""
+    inside = np.array(
+        [[-3.4, 2.0], [12.9, 3.0], [4.0, -3.4], [5.0, 10.9], [12.9, 10.9], [6.2, 3.9]]
+    )
+    frame = render_frame(inside, 1e3, 1.0, (10, 8))
+    larger = render_frame(np.add(inside, [20, 30]), 1e3, 1.0, (50, 60))
+    assert_allclose(frame, larger[30:38, 20:30], atol=1e-12)
+
+
 def test_both_tails_of_a_spot_keep_their_digits():
     """By symmetry: one minus nearly one would lose a tail beyond eight radii."""
     row = spot_windows([0.0, 0.0], 1.0, 0.5, [-15, -15], 31)[15]
