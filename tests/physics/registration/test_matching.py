@@ -79,7 +79,7 @@ def test_three_stars_are_rejected_with_their_number():
     [
         {},
         {"shift": (13, -8)},
-        {"degrees": 0.5},
+        {"degrees": 0.7},
         {"degrees": 3},
         {"degrees": 90},
         {"degrees": 180},

@@ -94,19 +94,22 @@ def match_points(
         if start is None
         else [_best(as_complex(start.apply(source)), as_complex(target), radius)]
     )
-    best, is_ambiguous = np.zeros((0, 2), int), False
+    best, transform, rivals = np.zeros((0, 2), int), start, 0
     fewest = min(len(source), len(target))
     for number, (rows, others) in enumerate(found):
         # The first pairs are those of a shift. Only one shift pairs all stars of a whole grid.
-        is_whole = number == 0 and len(rows) == fewest > others
-        if others > _MAX_OTHERS * len(rows) and not is_whole:
-            is_ambiguous = True
-        elif len(rows) > len(best):
-            best = rows
-        if is_most := 2 * len(best) > fewest:
+        if number == 0 and len(rows) == fewest > others:
+            others = 0
+        rivals = max(rivals, others)
+        is_clear = others <= _MAX_OTHERS * len(rows)
+        if is_clear and len(rows) >= max(_MIN_COMMON, len(best) + 1):
+            # The pairs of a sample lead to those of both lists.
+            best, transform = _refined(rows, source, target, radius)
+        if 2 * len(best) > fewest:
             break
-    if len(best) >= _MIN_COMMON and (is_most or not is_ambiguous):
-        return _refined(best, source, target, radius)
+    is_ambiguous = rivals > _MAX_OTHERS * len(best)
+    if transform and len(best) >= _MIN_COMMON and not is_ambiguous:
+        return best, transform
     agreement = (
         "under several transforms, as a grid does"
         if is_ambiguous
