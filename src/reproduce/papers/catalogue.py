@@ -32,14 +32,3 @@ def catalogue(kind: _Kind = "items") -> dict[str, str]:
         for keys in [read_toml(folder / f"items/{paper}.toml", _Keys)]
         for key, name in keys.get(kind, {}).items()
     }
-
-
-def panels(key: str) -> list[str]:
-    """Return the keys of the panels of a figure; empty for any other key.
-
-    Examples
-    --------
-    >>> panels("chen2023/fig-11")
-    ['chen2023/fig-11a', 'chen2023/fig-11b']
-    """
-    return [item for item in catalogue() if item[:-1] == key and item[-1].isalpha()]

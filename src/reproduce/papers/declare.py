@@ -25,7 +25,7 @@ from reproduce.papers._texts import Column as Column
 from reproduce.papers._texts import ItemText
 from reproduce.papers._texts import Options as Options
 from reproduce.papers._texts import item_text as item_text
-from reproduce.papers.catalogue import KINDS, catalogue, panels
+from reproduce.papers.catalogue import KINDS, catalogue
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 
@@ -333,6 +333,17 @@ class Study(PaperFunction):
 # Decorators of functions that compute printed cells, draw a figure, or compute a supplementary
 # table.
 reproduces, draws, studied = Computation.declare, Drawing.declare, Study.declare
+
+
+def panels(key: str) -> list[str]:
+    """Return the keys of the panels of a figure; empty for any other key.
+
+    Examples
+    --------
+    >>> panels("chen2023/fig-11")
+    ['chen2023/fig-11a', 'chen2023/fig-11b']
+    """
+    return [item for item in catalogue() if item[:-1] == key and item[-1].isalpha()]
 
 
 @cache

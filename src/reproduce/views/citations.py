@@ -16,8 +16,8 @@ from pybtex.database import Entry, parse_file
 from reproduce import version
 from reproduce.judge.ledger import Record, record_of
 from reproduce.locate import papers
-from reproduce.papers.catalogue import catalogue, panels
-from reproduce.papers.declare import computation_for, study
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computation_for, panels, study
 from reproduce.physics.validate import Text, checked
 from reproduce.printed.cells import PAPERS, PrintedCell, library
 from reproduce.version import AUTHORS, content_id

@@ -21,9 +21,9 @@ from markupsafe import Markup
 
 from reproduce.judge import rerun
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue, panels
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.charts import NARROW
-from reproduce.papers.declare import Drawing, Schematic, drawing, item_text
+from reproduce.papers.declare import Drawing, Schematic, drawing, item_text, panels
 from reproduce.printed.cells import anchor, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import powers
