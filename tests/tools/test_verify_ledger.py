@@ -1,7 +1,6 @@
 """The script that derives every verdict again, without the package."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -69,9 +68,3 @@ def test_a_missing_or_changed_reading_is_found(records, readings):
         assert follows(record, listed)
         assert not follows(record, listed[1:])
         assert not follows(record, [*listed[:index], FAR, *listed[index + 1 :]])
-
-
-def test_the_script_needs_only_python():
-    text = Path(verify_ledger.__file__).read_text(encoding="utf-8")
-    assert "reproduce" not in text
-    assert "numpy" not in text

@@ -136,6 +136,7 @@ REFUSED = {
     "ends of a line": (LINE, order(2, 1, 0), "lights 1 and 3 look swapped"),
     "both": (PAIR, order(1, 0), "lights 1 and 2 look swapped"),
     "another instrument": (WIDE, of_both(lambda one: one * [1, 2]), "another platform"),
+    "metres": (PAIR, of_both(lambda one: one * 1e-6), "Give pixels"),
     "one place": (THREE, of_both(lambda one: one[:, [0, 1, 1]]), "lights 2 and 3"),
 }
 

@@ -87,6 +87,7 @@ _UNEVEN_TEXT = (
     "the mean includes it, but errors of single images and posteriors assume equal noise. Take "
     "images of equal noise"
 )
+_SMALL_TEXT = "expected spots that determine a rotation, got others. Give pixels"
 _SPARE_TEXT = "no group has two images of a light, so the noise is unknown. Add images"
 _LOST_TEXT = "{} of {} spots are lost: an image with fewer spots has less weight"
 
@@ -376,10 +377,12 @@ def _fits(
                 expected = received_spots(rays @ rotation.T, *platform.tracker)
                 if is_free:
                     scale *= _size(spots, weights) / _size(expected, weights)
-        except DegenerateGeometryError:  # a mirrored square has no unique rotation
-            if kind == "pattern":
-                raise
-            continue
+        except DegenerateGeometryError as error:
+            if kind in ("pattern", "scale"):
+                raise DegenerateGeometryError(
+                    f"spots: {_SMALL_TEXT} ({error})"
+                ) from error
+            continue  # a mirrored square has no unique rotation
         off = np.hypot(*(spots - expected).T)
         # Two lights have no misfit if the size is free.
         freedom = max(2 * int(np.count_nonzero(weights)) - 3 - is_free, 1)
